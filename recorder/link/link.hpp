@@ -1,0 +1,36 @@
+#pragma once
+// One held connection to one robot by one protocol. A link never throws for what the robot or the network does: every
+// outcome is a value. Not thread-safe; its poller owns it.
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include "schema/records.hpp"
+#include "schema/sample.hpp"
+
+namespace tacho::recorder {
+
+/// Outcome of one poll. `ok`: `body` is the answer (for registers, an image; `partial` tells which ranges are missing).
+struct PollResult {
+  bool ok = false;
+  Cause cause = Cause::timeout;  ///< why not, when !ok
+  bool partial = false;
+  std::string detail;  ///< words for the gap row: system error, robot's error text, exception, ranges
+  std::string body;
+  std::string header;  ///< unusual frame header, else empty
+  Micros t_send_us = 0;
+  Micros t_recv_us = 0;
+};
+
+class Link {
+ public:
+  virtual ~Link() = default;
+  /// Connects when not connected, asks, waits at most until the deadline. After any timeout or malformed answer the
+  /// connection is closed before returning, so that a late answer can never be taken for the next one.
+  virtual PollResult poll(Source source, std::chrono::milliseconds timeout) = 0;
+  [[nodiscard]] virtual bool connected() const = 0;
+  virtual void close() = 0;
+};
+
+}  // namespace tacho::recorder

@@ -1,0 +1,35 @@
+#pragma once
+// A robot's state -> bytes of its answers, shaped like real ones (197 keys, four alarm shapes, -0.0, nulls, absent reason
+// keys). Adds the scenario's noise and the controller's rounding.
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "samples/simulator/robot.hpp"
+
+namespace tacho::sim {
+
+class AnswerMaker {
+ public:
+  explicit AnswerMaker(const Scenario& scenario);
+  ~AnswerMaker();
+  AnswerMaker(AnswerMaker&&) noexcept;
+
+  /// Body of 11100. `keys` empty = everything; lasers only with `lasers`.
+  std::string status(const RobotState& state, std::span<const std::string> keys = {}, bool lasers = false);
+  /// Body of 11013.
+  std::string io(const RobotState& state);
+  /// Registers [3x] 1-140; index 0 is documented address 1.
+  std::array<std::uint16_t, 140> registers(const RobotState& state);
+  /// Discrete inputs [1x] 1-80, one byte per bit.
+  std::array<std::uint8_t, 80> inputs(const RobotState& state);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tacho::sim

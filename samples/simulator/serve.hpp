@@ -1,0 +1,44 @@
+#pragma once
+// Simulated robots on 127.0.0.1: Robokit status port and Modbus TCP per robot, in real time.
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "samples/simulator/robot.hpp"
+
+namespace tacho::sim {
+
+struct ServedRobot {
+  Scenario scenario;
+  std::uint16_t status_port = 0;  ///< 0 = any free one
+  std::uint16_t modbus_port = 0;
+};
+
+struct ServeOptions {
+  std::string bind = "127.0.0.1";
+  std::string truth_file;  ///< written when stopped; empty = none
+  int max_clients = 10;    ///< further ones get the 19204 / 61001 frame
+};
+
+class Server {
+ public:
+  Server(std::vector<ServedRobot> robots, ServeOptions options);  ///< listens; throws Error when a port is taken
+  ~Server();                                                      ///< stops
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  [[nodiscard]] std::uint16_t status_port(std::size_t robot) const;
+  [[nodiscard]] std::uint16_t modbus_port(std::size_t robot) const;
+  /// Closes listeners and connections of one robot, as if it were switched off; `start` brings it back on the same ports.
+  void stop(std::size_t robot);
+  void start(std::size_t robot);
+  [[nodiscard]] Truth truth(std::size_t robot) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tacho::sim

@@ -1,0 +1,55 @@
+#pragma once
+// Reads a log (a folder of parts, or single parts) as a RowSource, also while it is being recorded.
+//
+// Foreign files in the folder are skipped and named in problems(); a damaged part yields what can be read and is named.
+// Decoded on reading: bodies go through wire decoders that the caller hands in, so that store and wire do not know each
+// other (schema/log.hpp ties them together).
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "schema/row_source.hpp"
+
+namespace tacho::store {
+
+/// Decodes `answer` into `out` (meta is copied by the caller). `stream` gives the word order.
+using Decode =
+    std::function<void(const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out)>;
+
+class LogReader final : public RowSource {
+ public:
+  /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different logs.
+  LogReader(std::span<const std::filesystem::path> logs, Decode decode);
+  ~LogReader() override;
+
+  [[nodiscard]] std::vector<Robot> robots() const override;
+  [[nodiscard]] std::vector<Session> sessions() const override;
+  [[nodiscard]] std::vector<Stream> streams() const override;
+  [[nodiscard]] std::vector<Coverage> coverage() const override;
+  [[nodiscard]] std::vector<UnknownKey> unknown_keys() const override;
+  [[nodiscard]] std::vector<ReadProblem> problems() const override;
+  void read(RobotId robot, Window window, const Selection& selection,
+            const std::function<void(const Slice&)>& yield) override;
+  void read_raw(RobotId robot, Source source, Window window,
+                const std::function<void(const Answer&)>& yield) override;
+
+  struct PartInfo {
+    std::filesystem::path path;
+    std::uint32_t number = 0;
+    std::uint64_t bytes = 0;
+    bool closed = false;
+    Micros first_us = 0;
+    Micros last_us = 0;
+  };
+  [[nodiscard]] std::vector<PartInfo> parts() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tacho::store

@@ -1,0 +1,78 @@
+#pragma once
+// Writes a log: a folder of numbered SQLite parts. Exactly one LogWriter may have a log open; a lock file says whose.
+// One connection does all writes and all checkpoints (SQLite 3.40.1 has the WAL-reset bug).
+//
+// Thread rule: one thread. Everything appended since the last commit() is lost by a kill, and becomes a gap row with
+// cause recorder_killed when the log is opened again.
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "schema/records.hpp"
+#include "schema/row_source.hpp"
+#include "schema/sample.hpp"
+
+namespace tacho::store {
+
+struct WriterOptions {
+  std::uint64_t part_bytes = 256u << 20;  ///< a part is closed when it is larger; smaller parts confine damage better
+  bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
+  int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
+  int zstd_level = 3;
+  bool durable = true;                    ///< synchronous FULL; false only for generated logs that can be made again
+};
+
+class LogWriter {
+ public:
+  /// Creates `folder` when it does not exist. Throws Error when it cannot be written, belongs to a newer schema, or is
+  /// being recorded by another process. Ends sessions that were killed: closes their holes with gap rows.
+  explicit LogWriter(const std::filesystem::path& folder, WriterOptions options = {});
+  ~LogWriter();
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
+
+  /// `id`, `t_end_us` and `clean` of the argument are ignored.
+  SessionId begin_session(const Session& session);
+  /// Writes planned counts and the end time, and commits.
+  void end_session(Micros t_end_us, bool clean);
+
+  /// Finds the robot by name or adds it; a changed address is updated.
+  RobotId robot(const std::string& name, const std::string& address);
+  void identify(RobotId robot, const Robot& identity);
+  /// Declares a stream of this session. When an earlier session recorded the same stream, a recorder_off gap covers the
+  /// time from its last row to this session's start.
+  void declare(const Stream& stream);
+  /// Polls the schedule has asked for so far; kept in memory, written by commit() at a part's end and end_session().
+  void planned(RobotId robot, Source source, std::uint64_t count);
+  void set_word_order(RobotId robot, Source source, WordOrder order);
+
+  void append(const Answer& answer);
+  /// Fields of one answer that were not absent, and its unknown keys and decodability; feeds Coverage and UnknownKey.
+  void note(const Sample& sample);
+  void add(const Gap& gap);
+  void add(const Event& event);
+  void add(const ClockPoint& point);
+
+  /// Makes everything so far durable; switches to the next part when one is due.
+  void commit();
+
+  struct Stats {
+    std::uint64_t rows = 0;
+    std::uint64_t body_bytes = 0;
+    std::uint64_t stored_bytes = 0;
+    std::uint64_t commits = 0;
+    std::uint64_t parts = 0;
+    std::chrono::microseconds last_commit{0};
+  };
+  [[nodiscard]] const Stats& stats() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tacho::store
