@@ -69,8 +69,8 @@ struct Field {
   JsonSource json;
   RegisterSource reg;
   std::string_view meaning;    ///< one clause, no full stop
-  std::string_view condition;  ///< name of a flag; while it is false the field means nothing
-  std::span<const Code> codes;
+  std::string_view condition{};  ///< name of a flag; while it is false the field means nothing
+  std::span<const Code> codes{};
   Sentinel sentinel = Sentinel::none;
   bool retired = false;  ///< struck out in the vendor's document; still decoded
 };
