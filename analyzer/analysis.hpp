@@ -3,6 +3,7 @@
 // a Section. It knows neither SQLite, nor the command line, nor other analyses, nor how results are printed.
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -44,12 +45,18 @@ struct AnalysisSpec {
   std::string_view question;  ///< one line
   std::vector<Need> (*needs)();
   std::unique_ptr<Analysis> (*make)(const RobotContext& context);
+  std::span<const SettingRow> (*settings)() = nullptr;  ///< its rows of setting_rows(); null when it has none
 };
 
 /// Every analysis, in the order of the report. One row each (registry.cpp).
 std::span<const AnalysisSpec> analyses();
 
-/// Runs one analysis over the robots (ids; empty = all) in parallel-safe order and returns its Section.
+/// Runs analyses over the robots (ids; empty = all) in the order of their ids, all in one pass over the log: each row is
+/// decoded once, with the union of the needs. An analysis is shown only the sources that one of its own needs chose.
+std::vector<Section> run_analyses(std::span<const AnalysisSpec> specs, RowSource& log, std::span<const RobotId> robots,
+                                  Window window, const std::string& zone, const Settings& settings);
+
+/// The same for one.
 Section run_analysis(const AnalysisSpec& spec, RowSource& log, std::span<const RobotId> robots, Window window,
                      const std::string& zone, const Settings& settings);
 

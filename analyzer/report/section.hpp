@@ -39,6 +39,9 @@ struct ColumnSpec {
   std::string description;
   /// Quantity columns print as name, name_lo, name_hi in CSV when true.
   bool interval = false;
+  /// Time columns print as name_utc, name_unix_ms in CSV. Say so when the table can be without rows; else seen from the
+  /// cells.
+  bool time = false;
 };
 
 struct DataTable {
