@@ -1,0 +1,77 @@
+#include "schema/batch_builder.hpp"
+
+#include <utility>
+
+namespace tacho {
+
+namespace {
+
+bool is_text(Kind kind) { return kind == Kind::text || kind == Kind::list || kind == Kind::structured; }
+
+}  // namespace
+
+BatchBuilder::BatchBuilder(Source source, const FieldSet& fields) : fields_(fields) {
+  batch_.source = source;
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    alarms_ = alarms_ || (fields_[i] && kFields[i].kind == Kind::alarms);
+    points_ = points_ || (fields_[i] && kFields[i].kind == Kind::points);
+  }
+  start();
+}
+
+void BatchBuilder::start() {
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    if (fields_[i]) {
+      batch_.columns.push_back({static_cast<FieldIndex>(i), {}, {}, {}});
+    }
+  }
+  if (alarms_) {
+    batch_.alarm_begin.push_back(0);
+  }
+  if (points_) {
+    batch_.point_begin.push_back(0);
+  }
+}
+
+void BatchBuilder::append(const Sample& sample) {
+  batch_.seq.push_back(sample.meta.seq);
+  batch_.t_send_us.push_back(sample.meta.t_send_us);
+  batch_.t_recv_us.push_back(sample.meta.t_recv_us);
+  for (Column& column : batch_.columns) {
+    const Cell& cell = sample.at(column.field);
+    const Kind kind = field_at(column.field).kind;
+    column.state.push_back(cell.state);
+    if (kind == Kind::real) {
+      column.real.push_back(cell.real);
+    } else if (is_text(kind) && cell.state != State::absent && cell.state != State::null) {
+      column.integer.push_back(batch_.texts.intern(sample.text(column.field)));
+    } else {
+      column.integer.push_back(is_text(kind) ? 0 : cell.integer);
+    }
+  }
+  const auto move_text = [&](std::uint32_t id) { return batch_.texts.intern(sample.texts.at(id)); };
+  if (alarms_) {
+    for (AlarmItem item : sample.alarms) {
+      item.desc = move_text(item.desc);
+      item.solution = move_text(item.solution);
+      batch_.alarms.push_back(item);
+    }
+    batch_.alarm_begin.push_back(static_cast<std::uint32_t>(batch_.alarms.size()));
+  }
+  if (points_) {
+    for (IoPoint point : sample.points) {
+      point.source = move_text(point.source);
+      batch_.points.push_back(point);
+    }
+    batch_.point_begin.push_back(static_cast<std::uint32_t>(batch_.points.size()));
+  }
+}
+
+Batch BatchBuilder::take() {
+  Batch full = std::exchange(batch_, Batch{});
+  batch_.source = full.source;
+  start();
+  return full;
+}
+
+}  // namespace tacho

@@ -1,0 +1,61 @@
+#include "schema/records.hpp"
+
+#include <array>
+
+namespace tacho {
+
+namespace {
+
+constexpr std::array<std::string_view, 4> kWordOrderNames{"cdab", "abcd", "badc", "dcba"};
+
+struct Words {
+  std::string_view name;
+  std::string_view meaning;
+};
+
+constexpr std::array<Words, 17> kCauses{{
+    {"connect_refused", "nobody listens on the port"},
+    {"connect_timeout", "no answer to the connection attempt"},
+    {"unreachable", "no route to the robot"},
+    {"timeout", "connected, but no answer in time"},
+    {"closed", "the robot closed the connection"},
+    {"malformed", "the answer was no valid frame"},
+    {"wrong_sequence", "the answer carried another sequence number"},
+    {"error_frame", "the robot refused the request"},
+    {"client_limit", "too many clients on the robot's port"},
+    {"modbus_exception", "the Modbus server refused the request"},
+    {"overrun", "earlier polls took too long"},
+    {"backoff", "waiting before the next connection attempt"},
+    {"queue_full", "the recorder could not keep up with writing"},
+    {"disk", "the log could not be written"},
+    {"recorder_off", "the recorder was not running"},
+    {"recorder_killed", "not yet committed when the recorder died"},
+    {"shutdown", "the recorder was stopping"},
+}};
+
+constexpr std::array<std::string_view, kEventKindCount> kEventKinds{
+    "link_up",      "link_down",      "client_limit",  "error_frame",  "no_sequence_echo", "alarm_raised",
+    "alarm_cleared", "alarm_repeated", "blocked",       "slowed",       "emergency",        "driver_emergency",
+    "charging",     "station",        "task",          "map",          "localisation",     "reboot",
+    "digital_input", "digital_output", "control_owner", "identity",     "rate",             "word_order",
+    "unknown_key",  "undecodable",    "clock_step",    "mark"};
+
+}  // namespace
+
+std::string_view word_order_name(WordOrder order) { return kWordOrderNames[static_cast<std::size_t>(order)]; }
+
+bool parse_word_order(std::string_view name, WordOrder& out) {
+  for (std::size_t i = 0; i < kWordOrderNames.size(); ++i) {
+    if (kWordOrderNames[i] == name) {
+      out = static_cast<WordOrder>(i);
+      return true;
+    }
+  }
+  return false;
+}
+
+std::string_view cause_name(Cause cause) { return kCauses[static_cast<std::size_t>(cause)].name; }
+std::string_view cause_meaning(Cause cause) { return kCauses[static_cast<std::size_t>(cause)].meaning; }
+std::string_view event_kind_name(EventKind kind) { return kEventKinds[static_cast<std::size_t>(kind)]; }
+
+}  // namespace tacho

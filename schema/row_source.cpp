@@ -1,0 +1,37 @@
+#include "schema/row_source.hpp"
+
+namespace tacho {
+
+const Column* Batch::find(FieldIndex f) const {
+  for (const Column& column : columns) {
+    if (column.field == f) {
+      return &column;
+    }
+  }
+  return nullptr;
+}
+
+std::span<const AlarmItem> Batch::alarms_of(std::size_t row) const {
+  if (alarm_begin.empty()) {
+    return {};
+  }
+  return std::span(alarms).subspan(alarm_begin[row], alarm_begin[row + 1] - alarm_begin[row]);
+}
+
+std::span<const IoPoint> Batch::points_of(std::size_t row) const {
+  if (point_begin.empty()) {
+    return {};
+  }
+  return std::span(points).subspan(point_begin[row], point_begin[row + 1] - point_begin[row]);
+}
+
+const Batch* Slice::find(Source source) const {
+  for (const Batch& batch : batches) {
+    if (batch.source == source) {
+      return &batch;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace tacho

@@ -1,0 +1,20 @@
+#pragma once
+// Small helpers on names, shared by everything that answers "did you mean".
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace tacho {
+
+/// Optimal string alignment distance: insert, delete, replace, swap neighbours; case is ignored.
+std::size_t edit_distance(std::string_view a, std::string_view b);
+
+/// The candidate nearest to `name`, or empty when none is near (more than a third of its letters differ, at least 2).
+std::string nearest(std::string_view name, std::span<const std::string> candidates);
+
+/// "; did you mean 'x'?" or empty.
+std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
+
+}  // namespace tacho
