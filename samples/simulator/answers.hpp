@@ -1,6 +1,6 @@
 #pragma once
-// A robot's state -> bytes of its answers, shaped like real ones (197 keys, four alarm shapes, -0.0, nulls, absent reason
-// keys). Adds the scenario's noise and the controller's rounding.
+// A robot's state -> bytes of its answers, shaped like real ones (197 keys, four alarm shapes, -0.0, nulls, absent
+// reason keys). Adds the scenario's noise and the controller's rounding.
 
 #include <array>
 #include <cstdint>

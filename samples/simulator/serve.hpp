@@ -31,7 +31,8 @@ class Server {
 
   [[nodiscard]] std::uint16_t status_port(std::size_t robot) const;
   [[nodiscard]] std::uint16_t modbus_port(std::size_t robot) const;
-  /// Closes listeners and connections of one robot, as if it were switched off; `start` brings it back on the same ports.
+  /// Closes listeners and connections of one robot, as if it were switched off; `start` brings it back on the same
+  /// ports.
   void stop(std::size_t robot);
   void start(std::size_t robot);
   [[nodiscard]] Truth truth(std::size_t robot) const;

@@ -12,7 +12,7 @@ namespace tacho::sim {
 struct WriteOptions {
   Micros t0_us = 1'767'225'600'000'000;  ///< 2026-01-01T00:00:00Z
   Micros duration_us = 3'600'000'000;
-  Micros status_period_us = 1'000'000;   ///< 0 = source not written
+  Micros status_period_us = 1'000'000;  ///< 0 = source not written
   Micros io_period_us = 0;
   Micros registers_period_us = 0;
   Micros inputs_period_us = 0;
