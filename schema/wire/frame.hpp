@@ -18,7 +18,9 @@ inline constexpr std::uint8_t kSync = 0x5A;
 
 inline constexpr std::uint16_t kStatusAll1 = 1100;
 inline constexpr std::uint16_t kStatusIo = 1013;
-constexpr std::uint16_t answer_type(std::uint16_t request) { return static_cast<std::uint16_t>(request + 10000); }
+constexpr std::uint16_t answer_type(std::uint16_t request) {
+  return static_cast<std::uint16_t>(request + 10000);
+}
 
 struct FrameHeader {
   std::uint8_t version = 1;
@@ -64,10 +66,10 @@ class FrameDecoder {
 
 /// What a frame is that answers `request_type`.
 enum class AnswerClass : std::uint8_t {
-  expected,       ///< type = request + 10000: stored, whatever the body is
-  error_frame,    ///< type 60000..60004
-  client_limit,   ///< type 19204 (the port number), ret_code 61001
-  other,          ///< any other type: counted, connection closed
+  expected,      ///< type = request + 10000: stored, whatever the body is
+  error_frame,   ///< type 60000..60004
+  client_limit,  ///< type 19204 (the port number), ret_code 61001
+  other,         ///< any other type: counted, connection closed
 };
 AnswerClass classify(const Frame& frame, std::uint16_t request_type);
 

@@ -30,8 +30,9 @@ void append_words(std::string& image, Range range, std::span<const std::uint16_t
 /// Appends one range of bits ([1x]), one byte 0/1 per bit as libmodbus gives them.
 void append_bits(std::string& image, Range range, std::span<const std::uint8_t> bits);
 
-/// Fills the fields in `wanted` that have a [3x] register. Fields in ranges that were not read stay absent. `gates` says
-/// whether conditions hold; an unknown condition makes a field not_meaningful. A malformed image: decodable = false.
+/// Fills the fields in `wanted` that have a [3x] register. Fields in ranges that were not read stay absent. `gates`
+/// says whether conditions hold; an unknown condition makes a field not_meaningful. A malformed image: decodable =
+/// false.
 void decode_registers(std::string_view image, WordOrder order, const Gates& gates, const FieldSet& wanted, Sample& out);
 
 /// Fills the fields in `wanted` that have a [1x] input, and updates `gates` from the flags that conditions name.
@@ -48,8 +49,8 @@ std::vector<Range> plan_ranges(bool discrete, std::uint16_t max_count = 100, std
 /// The runs exactly as documented, without gaps in between: the fallback when a gap-spanning request is refused.
 std::vector<Range> documented_runs(bool discrete);
 
-/// How plausible an image is under a word order, 0..1: share of present temperatures, voltages, currents and hours inside
-/// physical bounds (FIELD-FACTS section 3).
+/// How plausible an image is under a word order, 0..1: share of present temperatures, voltages, currents and hours
+/// inside physical bounds (FIELD-FACTS section 3).
 double plausibility(std::string_view image, WordOrder order);
 
 }  // namespace tacho::wire

@@ -14,7 +14,7 @@ struct StatusRequest {
   std::vector<std::string> keys;             ///< empty = all keys
   std::optional<bool> return_laser = false;  ///< 94 % of a default answer is laser beams
   std::optional<bool> return_beams3d;
-  std::optional<bool> return_mid360;         ///< gone in firmware 3.4.6.1802 and later
+  std::optional<bool> return_mid360;  ///< gone in firmware 3.4.6.1802 and later
   std::optional<std::string> language;
 };
 

@@ -17,8 +17,8 @@ class JsonDecoder {
   JsonDecoder(JsonDecoder&&) noexcept;
   JsonDecoder& operator=(JsonDecoder&&) noexcept;
 
-  /// Clears `out` but for `out.meta`, then fills the fields in `wanted` (alarm and point lists, when one of their fields is
-  /// wanted, whole). A condition flag of a wanted field is decoded too. Unknown keys are collected only when
+  /// Clears `out` but for `out.meta`, then fills the fields in `wanted` (alarm and point lists, when one of their
+  /// fields is wanted, whole). A condition flag of a wanted field is decoded too. Unknown keys are collected only when
   /// `collect_unknown`.
   void decode(std::string_view body, const FieldSet& wanted, bool collect_unknown, Sample& out);
 

@@ -1,0 +1,51 @@
+#pragma once
+// JSON keys of the field table -> fields, by hashing. Built once from kFields; nothing here names a key.
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "schema/fields.hpp"
+
+namespace tacho::wire {
+
+/// An object of the answer whose members are fields: 0 is the answer itself, others are flattened ("calib_status").
+using NodeId = std::uint16_t;
+inline constexpr NodeId kRootNode = 0;
+
+/// What a key inside a node stands for: a field, or a flattened object.
+struct KeyEntry {
+  NodeId parent = kRootNode;
+  std::string_view key;
+  FieldIndex field = kNoField;
+  bool former = false;      ///< spelling of older firmware
+  NodeId node = kRootNode;  ///< the flattened object, when `field` is kNoField
+};
+
+class KeyIndex {
+ public:
+  KeyIndex();
+  /// Null when no field stands at this key.
+  [[nodiscard]] const KeyEntry* find(NodeId node, std::string_view key) const;
+  /// "calib_status.foo": the key with the objects around it.
+  [[nodiscard]] std::string path(NodeId node, std::string_view key) const;
+  /// Fields inside a flattened object, at any depth.
+  [[nodiscard]] const std::vector<FieldIndex>& below(NodeId node) const { return nodes_[node].fields; }
+
+  static const KeyIndex& instance();
+
+ private:
+  struct Node {
+    std::string path;
+    std::vector<FieldIndex> fields;
+  };
+  std::vector<Node> nodes_;
+  std::vector<KeyEntry> entries_;
+  std::vector<std::uint16_t> slots_;  // open addressing, 1 + index into entries_, 0 = free
+
+  void add_path(std::string_view path, FieldIndex field, bool former);
+  void add(const KeyEntry& entry);
+};
+
+}  // namespace tacho::wire
