@@ -6,7 +6,7 @@ namespace tacho {
 
 namespace {
 
-constexpr std::array<std::string_view, 9> kKindNames{"real", "integer", "flag", "code", "text",
+constexpr std::array<std::string_view, 9> kKindNames{"real", "integer",    "flag",   "code",  "text",
                                                      "list", "structured", "alarms", "points"};
 constexpr std::array<std::string_view, 5> kTypeNames{"", "u16", "i16", "i32", "f32"};
 
@@ -68,7 +68,8 @@ std::string fields_markdown() {
       "# Fields\n\n"
       "Printed from the field table (`tacho-analyzer fields`); do not edit. Units are SI; `1` is a ratio. `list` and\n"
       "`structured` fields keep their JSON text; `alarms` and `points` are lists with an element format of their own\n"
-      "(`schema/sample.hpp`). Register numbers are as documented, from 1: `u16`/`i16`/`i32`/`f32` are input registers [3x]\n"
+      "(`schema/sample.hpp`). Register numbers are as documented, from 1: `u16`/`i16`/`i32`/`f32` are input registers "
+      "[3x]\n"
       "(FC4), `input` are discrete inputs [1x] (FC2).\n\n"
       "| Field | Kind | Unit | 1100 / 1013 key | Register | Meaning |\n|---|---|---|---|---|---|\n";
   for (const Field& f : kFields) {

@@ -1,5 +1,6 @@
 #pragma once
-// Reference text printed from the tables. The committed copies (schema/FIELDS.md, schema/schema.sql) are compared by a test.
+// Reference text printed from the tables. The committed copies (schema/FIELDS.md, schema/schema.sql) are compared by a
+// test.
 
 #include <string>
 #include <string_view>

@@ -1,6 +1,6 @@
 #pragma once
-// Derives events from decoded answers. Pure: no clock, no I/O. The recorder and the simulator use it while writing, and a
-// verifier can run it again over a log and compare.
+// Derives events from decoded answers. Pure: no clock, no I/O. The recorder and the simulator use it while writing, and
+// a verifier can run it again over a log and compare.
 
 #include <functional>
 #include <memory>

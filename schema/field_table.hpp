@@ -1,7 +1,7 @@
 #pragma once
-// THE table of fields. Sources: the 1100 document (table and example), the 1013 document, the input register document, the
-// list of discrete inputs and the extra keys of real robots (firmware 3.4.7). One row per quantity; quantities that only
-// look alike (current_station, current_station_id) stay separate. Included by fields.hpp only.
+// THE table of fields. Sources: the 1100 document (table and example), the 1013 document, the input register document,
+// the list of discrete inputs and the extra keys of real robots (firmware 3.4.7). One row per quantity; quantities that
+// only look alike (current_station, current_station_id) stay separate. Included by fields.hpp only.
 
 #include "schema/fields.hpp"
 

@@ -68,7 +68,7 @@ struct Field {
   std::string_view unit;  ///< SI unit symbol; "1" for a ratio, "" where a unit makes no sense
   JsonSource json;
   RegisterSource reg;
-  std::string_view meaning;    ///< one clause, no full stop
+  std::string_view meaning;      ///< one clause, no full stop
   std::string_view condition{};  ///< name of a flag; while it is false the field means nothing
   std::span<const Code> codes{};
   Sentinel sentinel = Sentinel::none;

@@ -44,7 +44,7 @@ struct Stream {
   Source source = Source::status;
   Micros period_us = 0;
   WordOrder word_order = WordOrder::cdab;
-  std::string request;  ///< request body, or register ranges "1-100,120-140"
+  std::string request;                   ///< request body, or register ranges "1-100,120-140"
   std::optional<std::uint64_t> planned;  ///< set when the session ends; empty while running
 };
 
@@ -71,8 +71,8 @@ enum class Cause : std::uint8_t {
 std::string_view cause_name(Cause cause);
 std::string_view cause_meaning(Cause cause);
 
-/// Planned polls without an answer: seq_from..seq_to, both inclusive. For recorder_off there are none and seq_count is 0.
-/// `partial`: the poll is stored, but some of its register ranges are not; those do not count as missed.
+/// Planned polls without an answer: seq_from..seq_to, both inclusive. For recorder_off there are none and seq_count is
+/// 0. `partial`: the poll is stored, but some of its register ranges are not; those do not count as missed.
 struct Gap {
   RobotId robot = 0;
   Source source = Source::status;
@@ -133,7 +133,7 @@ struct Event {
   std::string subject;    ///< alarm "error 52201", input "DI 3", empty where the kind says it all
   std::string old_value;  ///< as text; empty when unknown
   std::string new_value;
-  std::string detail;     ///< alarm description, robot's own words
+  std::string detail;  ///< alarm description, robot's own words
 };
 
 /// Host wall clock, host monotonic clock and, where known, the robot's clock, at one instant.

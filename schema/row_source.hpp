@@ -51,8 +51,8 @@ struct Batch {
   [[nodiscard]] std::span<const IoPoint> points_of(std::size_t row) const;
 };
 
-/// A stretch of one robot's log: one session, consecutive rows of every source in arrival order (at most about an hour).
-/// Slices of a robot follow each other; a row, gap or event belongs to exactly one slice.
+/// A stretch of one robot's log: one session, consecutive rows of every source in arrival order (at most about an
+/// hour). Slices of a robot follow each other; a row, gap or event belongs to exactly one slice.
 struct Slice {
   RobotId robot = 0;
   SessionId session = 0;
@@ -91,15 +91,15 @@ struct Coverage {
   RobotId robot = 0;
   Source source = Source::status;
   std::uint64_t stored = 0;
-  std::uint64_t missed = 0;          ///< polls inside gap rows, partial gaps not counted
-  std::uint64_t planned = 0;         ///< from the schedule; for a session that did not end cleanly, last seq + 1
+  std::uint64_t missed = 0;   ///< polls inside gap rows, partial gaps not counted
+  std::uint64_t planned = 0;  ///< from the schedule; for a session that did not end cleanly, last seq + 1
   std::uint64_t partial = 0;
   std::uint64_t undecodable = 0;
-  std::uint64_t bytes = 0;           ///< sum of body lengths as received
+  std::uint64_t bytes = 0;  ///< sum of body lengths as received
   Micros first_us = 0;
   Micros last_us = 0;
-  Micros period_us = 0;              ///< planned period of the last session
-  FieldSet seen;                     ///< fields that were ever not absent
+  Micros period_us = 0;  ///< planned period of the last session
+  FieldSet seen;         ///< fields that were ever not absent
 };
 
 struct UnknownKey {

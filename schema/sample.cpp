@@ -53,7 +53,7 @@ std::uint32_t TextPool::intern(std::string_view text) {
     rehash(slots_.size() * 2);
   }
   const std::size_t mask = slots_.size() - 1;
-  std::size_t slot = std::hash<std::string_view>{}(text) & mask;
+  std::size_t slot = std::hash<std::string_view>{}(text)&mask;
   while (slots_[slot] != 0) {
     if (at(slots_[slot]) == text) {
       return slots_[slot];

@@ -28,13 +28,14 @@ struct AnswerMeta {
   RobotId robot = 0;
   Source source = Source::status;
   SessionId session = 0;
-  std::uint64_t seq = 0;   ///< number of the planned poll, from 0; a missed poll uses up a number
-  Micros t_send_us = 0;    ///< request handed to the kernel
-  Micros t_recv_us = 0;    ///< last byte of the answer read
+  std::uint64_t seq = 0;  ///< number of the planned poll, from 0; a missed poll uses up a number
+  Micros t_send_us = 0;   ///< request handed to the kernel
+  Micros t_recv_us = 0;   ///< last byte of the answer read
   [[nodiscard]] Micros t_mid_us() const { return t_send_us + (t_recv_us - t_send_us) / 2; }
 };
 
-/// One stored answer, byte for byte. `body` is the JSON body of a Robokit frame, or a register image (wire/registers.hpp).
+/// One stored answer, byte for byte. `body` is the JSON body of a Robokit frame, or a register image
+/// (wire/registers.hpp).
 struct Answer {
   AnswerMeta meta;
   std::string body;
@@ -43,26 +44,27 @@ struct Answer {
 
 /// Absent, null, not meaningful now, not supplied and zero are five different things, down to the report.
 enum class State : std::uint8_t {
-  absent,           ///< the key or register was not in the answer
-  null,             ///< the key was there and its value was null
-  not_meaningful,   ///< given, but its condition is false or unknown (block_reason while not blocked)
-  not_supplied,     ///< given, but the value is the documented "no sensor" mark; the value is kept
-  wrong_type,       ///< given, but not decodable as the field's kind (text where a number belongs); kept in raw only
+  absent,          ///< the key or register was not in the answer
+  null,            ///< the key was there and its value was null
+  not_meaningful,  ///< given, but its condition is false or unknown (block_reason while not blocked)
+  not_supplied,    ///< given, but the value is the documented "no sensor" mark; the value is kept
+  wrong_type,      ///< given, but not decodable as the field's kind (text where a number belongs); kept in raw only
   present,
 };
 std::string_view state_name(State state);
 
 struct Cell {
   State state = State::absent;
-  double real = 0.0;          ///< Kind::real
-  std::int64_t integer = 0;   ///< integer, flag (0/1), code; count for alarms and points; text id for the rest
+  double real = 0.0;         ///< Kind::real
+  std::int64_t integer = 0;  ///< integer, flag (0/1), code; count for alarms and points; text id for the rest
   [[nodiscard]] bool has() const { return state == State::present; }
 };
 
 enum class AlarmLevel : std::uint8_t { fatal, error, warning, notice };
 std::string_view alarm_level_name(AlarmLevel level);
 
-/// One element of fatals / errors / warnings / notices. Text members are ids into the sample's or batch's texts, 0 = none.
+/// One element of fatals / errors / warnings / notices. Text members are ids into the sample's or batch's texts, 0 =
+/// none.
 struct AlarmItem {
   AlarmLevel level = AlarmLevel::fatal;
   std::int64_t code = 0;
@@ -105,8 +107,8 @@ class TextPool {
 struct Sample {
   AnswerMeta meta;
   std::array<Cell, kFieldCount> cells;
-  std::vector<AlarmItem> alarms;  ///< all four levels, in the order of the answer
-  std::vector<IoPoint> points;    ///< DI then DO
+  std::vector<AlarmItem> alarms;          ///< all four levels, in the order of the answer
+  std::vector<IoPoint> points;            ///< DI then DO
   std::vector<std::string> unknown_keys;  ///< paths no field names, sorted, each once
   TextPool texts;
   bool decodable = true;  ///< false: the body is not JSON (or not a register image); raw only

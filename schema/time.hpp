@@ -14,8 +14,8 @@ std::string iso_utc(Micros t_us);
 /// "2026-01-08T12:11:52.705-11:00" in the zone, see zone_offset.
 std::string iso_zone(Micros t_us, std::string_view zone);
 
-/// Offset of `zone` from UTC at `t_us`, seconds. `zone`: "UTC", "+02:00", or an IANA name known to the system. Empty when
-/// the zone is not known.
+/// Offset of `zone` from UTC at `t_us`, seconds. `zone`: "UTC", "+02:00", or an IANA name known to the system. Empty
+/// when the zone is not known.
 std::optional<int> zone_offset_s(std::string_view zone, Micros t_us);
 
 /// Parses "2026-01-08", "2026-01-08 23:11[:52[.705]]", "...T...Z", "...-1100", "...+02:00". A time without zone is in

@@ -22,8 +22,8 @@ TEST_CASE("texts are interned once and survive any number of others") {
 TEST_CASE("a batch keeps the five ways of having no value apart, and zero") {
   MemoryLog log;
   const RobotId robot = log.add_robot("A");
-  for (const State state : {State::absent, State::null, State::not_meaningful, State::not_supplied, State::wrong_type,
-                            State::present}) {
+  for (const State state :
+       {State::absent, State::null, State::not_meaningful, State::not_supplied, State::wrong_type, State::present}) {
     log.set_state(log.row(robot, Source::status, 1.0), "block_reason", state);
   }
   Selection selection;

@@ -1,5 +1,6 @@
 #pragma once
-// Committed texts compared with what the program prints. `TACHO_UPDATE_GOLDEN=1` rewrites them instead; review the diff.
+// Committed texts compared with what the program prints. `TACHO_UPDATE_GOLDEN=1` rewrites them instead; review the
+// diff.
 
 #include <cstdlib>
 #include <filesystem>
