@@ -16,9 +16,7 @@ constexpr double kSlipLength = 2.0;
 constexpr double kJumpLasts = 20.0;
 constexpr int kDynamicObstacle = 6;
 
-Micros micros(double seconds) {
-  return std::llround(seconds * 1e6);
-}
+Micros micros(double seconds) { return std::llround(seconds * 1e6); }
 
 // Where the run is inside the circle of a hot spot: [from, to] in metres along it.
 struct Span {

@@ -8,12 +8,8 @@ namespace {
 
 constexpr double kShortest = 1e-9;  // metres or radians; less is rounding
 
-Micros whole_micros(double seconds) {
-  return std::max<Micros>(0, std::llround(seconds * 1e6));
-}
-double seconds(Micros us) {
-  return static_cast<double>(us) * 1e-6;
-}
+Micros whole_micros(double seconds) { return std::max<Micros>(0, std::llround(seconds * 1e6)); }
+double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
 
 struct Phase {
   double speed0 = 0;
@@ -96,9 +92,7 @@ Kinematics kinematics(const Piece& piece, double tau_s) {
   return k;
 }
 
-Kinematics kinematics_at(const Piece& piece, Micros t_us) {
-  return kinematics(piece, seconds(t_us - piece.t0_us));
-}
+Kinematics kinematics_at(const Piece& piece, Micros t_us) { return kinematics(piece, seconds(t_us - piece.t0_us)); }
 
 Piece head(const Piece& piece, Micros t_us) {
   Piece result = piece;

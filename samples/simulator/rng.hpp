@@ -15,9 +15,7 @@ constexpr std::uint64_t mix64(std::uint64_t z) {
 }
 
 /// 0 <= value < 1 from the upper 53 bits.
-constexpr double unit_interval(std::uint64_t bits) {
-  return static_cast<double>(bits >> 11) * 0x1p-53;
-}
+constexpr double unit_interval(std::uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
 
 /// A sequence. Each part of a robot has its own `stream`, so that a change in one does not move the others.
 class Rng {

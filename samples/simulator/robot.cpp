@@ -16,9 +16,7 @@ constexpr int kSlowReason = 1;  // laser
 constexpr std::int64_t kMotorEmergencyStop = 54004;
 constexpr double kAtStation = 0.30;
 
-double seconds(Micros us) {
-  return static_cast<double>(us) * 1e-6;
-}
+double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
 
 std::string station_id(int station) {
   return station < 0 ? std::string() : std::string(kStations[static_cast<std::size_t>(station)].id);
@@ -177,8 +175,6 @@ Truth Robot::truth() const {
   return truth;
 }
 
-const Scenario& Robot::scenario() const {
-  return impl_->scenario;
-}
+const Scenario& Robot::scenario() const { return impl_->scenario; }
 
 }  // namespace tacho::sim

@@ -9,7 +9,9 @@
 // wheel_path_m = path_m except where the wheels slip. battery_level is relative to the present capacity, as a BMS
 // reports it; the capacity is learnt anew at the end of each charge.
 
+#include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -106,5 +108,7 @@ class Robot {
 
 /// The truth as JSON text (one object per robot).
 std::string truth_json(const std::string& robot, const Truth& truth);
+/// An array of them as a file. Throws Error when it cannot be written.
+void write_truth(const std::filesystem::path& file, std::span<const std::string> robots, std::span<const Truth> truths);
 
 }  // namespace tacho::sim

@@ -7,9 +7,7 @@ namespace {
 
 constexpr Micros kDay = 86'400'000'000;
 
-Micros local(Micros t_us, double clock_offset_s) {
-  return t_us + std::llround(clock_offset_s * 1e6) + kRobotZone;
-}
+Micros local(Micros t_us, double clock_offset_s) { return t_us + std::llround(clock_offset_s * 1e6) + kRobotZone; }
 
 void append_digits(std::string& out, int value, int width) {
   const std::size_t end = out.size() + static_cast<std::size_t>(width);

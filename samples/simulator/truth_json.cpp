@@ -1,6 +1,10 @@
+#include <cerrno>
+#include <cstring>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "samples/simulator/robot.hpp"
+#include "schema/error.hpp"
 
 namespace tacho::sim {
 
@@ -45,6 +49,18 @@ std::string truth_json(const std::string& robot, const Truth& truth) {
     j["slips"].push_back({{"from_us", slip.from_us}, {"to_us", slip.to_us}, {"metres", slip.metres}});
   }
   return j.dump(1);
+}
+
+void write_truth(const std::filesystem::path& file, std::span<const std::string> robots,
+                 std::span<const Truth> truths) {
+  std::ofstream out(file, std::ios::binary);
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    out << (i == 0 ? "[" : ",\n") << truth_json(robots[i], truths[i]);
+  }
+  out << "]\n";
+  if (!out.flush()) {
+    throw Error("cannot write " + file.string(), std::strerror(errno), "is the folder there and writable?");
+  }
 }
 
 }  // namespace tacho::sim

@@ -18,9 +18,7 @@ constexpr double kBrake = 1.5;                   // m/s^2, when an alarm stops t
 constexpr double kTurnBrake = 3.0;               // rad/s^2
 constexpr int kFirstStation = 0;
 
-Micros micros(double seconds) {
-  return std::llround(seconds * 1e6);
-}
+Micros micros(double seconds) { return std::llround(seconds * 1e6); }
 
 }  // namespace
 
@@ -209,9 +207,7 @@ void Work::push_all(const std::vector<Piece>& pieces) {
   }
 }
 
-void Work::push(const Piece& motion) {
-  push(motion, battery_.load(charge_, motion));
-}
+void Work::push(const Piece& motion) { push(motion, battery_.load(charge_, motion)); }
 
 void Work::push(const Piece& motion, const BatteryPiece& battery) {
   if (motion.duration_us <= 0) {
