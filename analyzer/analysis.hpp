@@ -1,6 +1,6 @@
 #pragma once
-// What an analysis is. It folds over the slices of one robot, merges with the same analysis of other robots, and ends in
-// a Section. It knows neither SQLite, nor the command line, nor other analyses, nor how results are printed.
+// What an analysis is. It folds over the slices of one robot, merges with the same analysis of other robots, and ends
+// in a Section. It knows neither SQLite, nor the command line, nor other analyses, nor how results are printed.
 
 #include <memory>
 #include <optional>
@@ -18,9 +18,9 @@ namespace tacho {
 /// What an analysis is told about the robot it folds over, before the first slice.
 struct RobotContext {
   Robot robot;
-  std::vector<Coverage> coverage;  ///< of this robot, one per source that has rows or gaps
-  Window window;                   ///< the period asked for
-  std::string zone = "UTC";        ///< day boundaries
+  std::vector<Coverage> coverage;      ///< of this robot, one per source that has rows or gaps
+  Window window;                       ///< the period asked for
+  std::string zone = "UTC";            ///< day boundaries
   const Settings* settings = nullptr;  ///< outlives the analysis
 
   [[nodiscard]] const Coverage* find(Source source) const;
@@ -51,8 +51,8 @@ struct AnalysisSpec {
 /// Every analysis, in the order of the report. One row each (registry.cpp).
 std::span<const AnalysisSpec> analyses();
 
-/// Runs analyses over the robots (ids; empty = all) in the order of their ids, all in one pass over the log: each row is
-/// decoded once, with the union of the needs. An analysis is shown only the sources that one of its own needs chose.
+/// Runs analyses over the robots (ids; empty = all) in the order of their ids, all in one pass over the log: each row
+/// is decoded once, with the union of the needs. An analysis is shown only the sources that one of its own needs chose.
 std::vector<Section> run_analyses(std::span<const AnalysisSpec> specs, RowSource& log, std::span<const RobotId> robots,
                                   Window window, const std::string& zone, const Settings& settings);
 

@@ -1,6 +1,6 @@
 #pragma once
-// The analyses by name. Each `kName` is defined in analyses/NAME.cpp together with its needs, its settings and its `make`,
-// and has one row in registry.cpp; nothing else mentions it.
+// The analyses by name. Each `kName` is defined in analyses/NAME.cpp together with its needs, its settings and its
+// `make`, and has one row in registry.cpp; nothing else mentions it.
 
 #include "analyzer/analysis.hpp"
 

@@ -15,11 +15,11 @@ namespace tacho {
 /// A number with its unit and, where the method gives one, its interval. Without a value: `reason` says why not.
 struct Quantity {
   std::optional<double> value;
-  std::string unit;           ///< "m", "1", "%", "1/h"; "" for a count
-  std::optional<double> lo;   ///< 95 % unless the column says otherwise
+  std::string unit;          ///< "m", "1", "%", "1/h"; "" for a count
+  std::optional<double> lo;  ///< 95 % unless the column says otherwise
   std::optional<double> hi;
-  std::optional<std::int64_t> n;      ///< observations behind it
-  std::optional<double> exposure;     ///< hours, km or passes behind a rate
+  std::optional<std::int64_t> n;   ///< observations behind it
+  std::optional<double> exposure;  ///< hours, km or passes behind a rate
   std::string reason;
 };
 
@@ -45,7 +45,7 @@ struct ColumnSpec {
 };
 
 struct DataTable {
-  std::string name;   ///< file name stem: "episodes"
+  std::string name;  ///< file name stem: "episodes"
   std::string title;
   std::vector<ColumnSpec> columns;
   std::vector<std::vector<Value>> rows;
@@ -70,9 +70,9 @@ struct GridLayer {
   std::vector<double> value;  ///< row j, column i: value[j * width + i]
 };
 struct Grid {
-  std::string name;   ///< file name stem
+  std::string name;  ///< file name stem
   std::string title;
-  std::string map;    ///< map name and md5
+  std::string map;  ///< map name and md5
   double cell_m = 0.25;
   std::int64_t i0 = 0;
   std::int64_t j0 = 0;
@@ -98,7 +98,7 @@ struct Finding {
   std::string robot;  ///< empty = the whole log
   std::string title;
   Verdict verdict = Verdict::unknown;
-  int severity = 0;   ///< 0..10
+  int severity = 0;  ///< 0..10
   Quantity value;
   std::string threshold;         ///< in words with numbers: "PASS < 1 %, FAIL > 3 %"
   std::string threshold_source;  ///< "default" or "config.toml"
@@ -106,10 +106,13 @@ struct Finding {
   std::string advice;  ///< what to do; for UNKNOWN: what is missing and how to get it
 };
 
+/// FAIL, WARN, UNKNOWN, PASS, NA; within one verdict the more severe first, else in the given order.
+std::vector<Finding> worst_first(std::vector<Finding> findings);
+
 struct Section {
-  std::string name;      ///< "odometry"
+  std::string name;  ///< "odometry"
   std::string title;
-  std::string question;  ///< the user's question it answers
+  std::string question;            ///< the user's question it answers
   std::vector<std::string> notes;  ///< definitions, sources used, limits of this log
   std::vector<Finding> findings;
   std::vector<DataTable> tables;

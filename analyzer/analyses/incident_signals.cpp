@@ -1,0 +1,275 @@
+#include "analyzer/analyses/incident_signals.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace tacho {
+namespace {
+
+struct MaterialStep {
+  std::string_view unit;
+  double step;
+};
+// Above noise of parked robots and below what a person calls a change (FIELD-FACTS: 1e-4 m/s while parked).
+constexpr auto kMaterial = std::to_array<MaterialStep>({{"m", 0.05},
+                                                        {"rad", 0.02},
+                                                        {"m/s", 0.02},
+                                                        {"rad/s", 0.02},
+                                                        {"m/s2", 0.5},
+                                                        {"V", 0.2},
+                                                        {"A", 0.5},
+                                                        {"degC", 1.0},
+                                                        {"1", 0.02},
+                                                        {"%", 2.0}});
+
+double material_step(const SignalCurve& curve) {
+  const std::string_view unit = kFields[curve.field].unit;
+  for (const MaterialStep& m : kMaterial) {
+    if (m.unit == unit) {
+      return m.step;
+    }
+  }
+  return std::max(0.01 * std::max(std::abs(curve.least), std::abs(curve.greatest)), 1e-9);
+}
+
+bool is_number(Kind kind) { return kind == Kind::real; }
+bool is_discrete(Kind kind) {
+  return kind == Kind::integer || kind == Kind::flag || kind == Kind::code || kind == Kind::text || kind == Kind::list;
+}
+
+std::string number_text(double value) { return fmt::format("{:.6g}", value + 0.0); }
+
+std::string point_name(const IoPoint& point) { return fmt::format("{} {}", point.output ? "DO" : "DI", point.id); }
+
+}  // namespace
+
+std::string cell_text(const Batch& batch, const Column& column, std::size_t row) {
+  const Field& field = kFields[column.field];
+  switch (field.kind) {
+    case Kind::real:
+      return number_text(column.real[row]);
+    case Kind::flag:
+      return column.integer[row] != 0 ? "true" : "false";
+    case Kind::code: {
+      const std::string_view name = code_name(field, column.integer[row]);
+      return name.empty() ? std::to_string(column.integer[row]) : std::string(name);
+    }
+    case Kind::integer:
+    case Kind::alarms:
+    case Kind::points:
+      return std::to_string(column.integer[row]);
+    case Kind::text:
+    case Kind::list:
+    case Kind::structured:
+      return std::string(batch.text(column, row));
+  }
+  return {};
+}
+
+double SignalCurve::materiality() const {
+  if (kFields[field].unit == "s") {
+    return fell ? 1.0 : 0.0;
+  }
+  return (greatest - least) / material_step(*this);
+}
+
+void SignalTracker::fold(const Batch& batch) {
+  for (std::size_t row = 0; row < batch.rows(); ++row) {
+    for (const Column& column : batch.columns) {
+      const Kind kind = kFields[column.field].kind;
+      if (column.state[row] == State::absent) {
+        continue;
+      }
+      if (batch.t_recv_us[row] <= at_us_) {
+        note_last(batch, column, row, column.has(row) ? cell_text(batch, column, row) : std::string());
+      }
+      if (column.has(row) && is_number(kind)) {
+        number(batch, column, row);
+      } else if (column.has(row) && is_discrete(kind)) {
+        discrete(batch, column, row);
+      }
+    }
+    points(batch, row);
+    alarms(batch, row);
+    ++rows_[batch.source];
+  }
+}
+
+void SignalTracker::note_last(const Batch& batch, const Column& column, std::size_t row, const std::string& text) {
+  last_[{column.field, batch.source}] = {batch.source, column.state[row], text, batch.t_recv_us[row]};
+}
+
+void SignalTracker::number(const Batch& batch, const Column& column, std::size_t row) {
+  double value = column.real[row];
+  if (batch.t_recv_us[row] < from_us_ || !std::isfinite(value)) {
+    return;
+  }
+  SignalCurve& curve = curves_[{column.field, batch.source}];
+  if (curve.t_us.empty()) {
+    curve.field = column.field;
+    curve.source = batch.source;
+    curve.least = curve.greatest = value;
+  } else {
+    double step = value - curve.value.back();
+    if (kFields[column.field].unit == "rad") {
+      constexpr double turn = 6.283185307179586;
+      step = std::remainder(step, turn);
+      value = curve.value.back() + step;
+    }
+    curve.fell = curve.fell || step < 0.0;
+    if (std::abs(step) > std::abs(curve.largest_step)) {
+      curve.largest_step = step;
+      curve.step_from_us = curve.t_us.back();
+      curve.step_to_us = batch.t_recv_us[row];
+    }
+  }
+  curve.least = std::min(curve.least, value);
+  curve.greatest = std::max(curve.greatest, value);
+  curve.t_us.push_back(batch.t_recv_us[row]);
+  curve.value.push_back(value);
+}
+
+void SignalTracker::discrete(const Batch& batch, const Column& column, std::size_t row) {
+  Discrete& d = discrete_[{column.field, batch.source}];
+  std::string text = cell_text(batch, column, row);
+  const bool inside = batch.t_recv_us[row] >= from_us_;
+  d.rows += inside ? 1 : 0;
+  if (d.known && inside && text != d.text) {
+    SignalChange change;
+    change.source = batch.source;
+    change.seq = batch.seq[row];
+    change.hull_from_us = d.t_send_us;
+    change.hull_to_us = batch.t_recv_us[row];
+    change.what = kFields[column.field].name;
+    change.field = column.field;
+    change.old_value = d.text;
+    change.new_value = text;
+    d.changes.push_back(std::move(change));
+  }
+  d.known = true;
+  d.text = std::move(text);
+  d.t_send_us = batch.t_send_us[row];
+}
+
+void SignalTracker::points(const Batch& batch, std::size_t row) {
+  if (batch.point_begin.empty()) {
+    return;
+  }
+  for (const IoPoint& point : batch.points_of(row)) {
+    const std::string name = point_name(point);
+    const auto [at, is_new] = points_.try_emplace({batch.source, name}, point.status, batch.t_send_us[row]);
+    if (!is_new && at->second.first != point.status && batch.t_recv_us[row] >= from_us_) {
+      const auto text = [](bool on) { return on ? std::string("on") : std::string("off"); };
+      other_changes_.push_back({batch.source, batch.seq[row], at->second.second, batch.t_recv_us[row], name, kNoField,
+                                text(!point.status), text(point.status), false});
+    }
+    at->second = {point.status, batch.t_send_us[row]};
+  }
+}
+
+void SignalTracker::alarms(const Batch& batch, std::size_t row) {
+  const bool given = std::any_of(batch.columns.begin(), batch.columns.end(),
+                                 [&](const Column& c) { return kFields[c.field].kind == Kind::alarms && c.has(row); });
+  if (batch.alarm_begin.empty() || !given) {
+    return;  // a missing array is not an empty one
+  }
+  std::map<std::string, std::string> now;
+  for (const AlarmItem& item : batch.alarms_of(row)) {
+    now.emplace(fmt::format("{} {}", alarm_level_name(item.level), item.code), std::string(batch.texts.at(item.desc)));
+  }
+  const auto seen = alarms_seen_.find(batch.source);
+  std::map<std::string, std::string>& before = alarms_[batch.source];
+  if (seen != alarms_seen_.end() && batch.t_recv_us[row] >= from_us_) {
+    const auto change = [&](const std::string& what, const std::string& from, const std::string& to) {
+      other_changes_.push_back(
+          {batch.source, batch.seq[row], seen->second, batch.t_recv_us[row], what, kNoField, from, to, true});
+    };
+    for (const auto& [name, text] : now) {
+      if (before.count(name) == 0) {
+        change(name, "", text.empty() ? "raised" : "raised: " + text);
+      }
+    }
+    for (const auto& [name, text] : before) {
+      if (now.count(name) == 0) {
+        change(name, "", "cleared");
+      }
+    }
+  }
+  if (batch.t_recv_us[row] <= at_us_) {
+    alarms_at_.clear();
+    for (const auto& [name, text] : now) {
+      alarms_at_.push_back(text.empty() ? name : name + " (" + text + ")");
+    }
+  }
+  before = std::move(now);
+  alarms_seen_[batch.source] = batch.t_send_us[row];
+}
+
+bool SignalTracker::best_source(const Key& key) const {
+  const auto rows_of = [&](Source source) {
+    const auto at = rows_.find(source);
+    return at == rows_.end() ? 0 : at->second;
+  };
+  const auto has = [&](Source source) {
+    const Key other{key.first, source};
+    return curves_.count(other) > 0 || discrete_.count(other) > 0;
+  };
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    const auto other = static_cast<Source>(s);
+    const bool better =
+        rows_of(other) > rows_of(key.second) || (rows_of(other) == rows_of(key.second) && other < key.second);
+    if (other != key.second && has(other) && better) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool SignalTracker::running(const Discrete& d) { return d.changes.size() > 5 && 2 * d.changes.size() > d.rows; }
+
+std::vector<SignalChange> SignalTracker::changes() const {
+  std::vector<SignalChange> out = other_changes_;
+  for (const auto& [key, d] : discrete_) {
+    if (!running(d) && best_source(key)) {
+      out.insert(out.end(), d.changes.begin(), d.changes.end());
+    }
+  }
+  return out;
+}
+
+std::vector<std::string> SignalTracker::running_values() const {
+  std::set<std::string> names;
+  for (const auto& [key, d] : discrete_) {
+    if (running(d) && best_source(key)) {
+      names.emplace(kFields[key.first].name);
+    }
+  }
+  return {names.begin(), names.end()};
+}
+
+std::vector<const SignalCurve*> SignalTracker::curves() const {
+  std::vector<const SignalCurve*> out;
+  for (const auto& [key, curve] : curves_) {
+    if (best_source(key)) {
+      out.push_back(&curve);
+    }
+  }
+  std::stable_sort(out.begin(), out.end(),
+                   [](const SignalCurve* a, const SignalCurve* b) { return a->materiality() > b->materiality(); });
+  return out;
+}
+
+const LastValue* SignalTracker::last(FieldIndex field) const {
+  const LastValue* best = nullptr;
+  for (const auto& [key, value] : last_) {
+    if (key.first == field && (best == nullptr || value.t_us > best->t_us)) {
+      best = &value;
+    }
+  }
+  return best;
+}
+
+}  // namespace tacho

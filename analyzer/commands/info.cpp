@@ -1,0 +1,368 @@
+#include "analyzer/commands/info.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+namespace tacho::commands {
+namespace {
+
+/// Polls without an answer by cause, and what is only in part, of one source of one robot; from the gap rows.
+struct Missed {
+  std::map<Cause, std::uint64_t> polls;
+  std::map<Cause, std::uint64_t> gaps;
+  std::uint64_t partial = 0;
+  Micros off_us = 0;
+
+  [[nodiscard]] std::uint64_t total() const {
+    std::uint64_t sum = 0;
+    for (const auto& [cause, n] : polls) {
+      sum += n;
+    }
+    return sum;
+  }
+};
+using MissedBySource = std::map<std::pair<RobotId, Source>, Missed>;
+
+MissedBySource read_gaps(RowSource& log, const std::vector<Robot>& robots) {
+  MissedBySource out;
+  for (const Robot& robot : robots) {
+    log.read(robot.id, Window{}, Selection{}, [&](const Slice& slice) {
+      for (const Gap& gap : slice.gaps) {
+        Missed& m = out[{gap.robot, gap.source}];
+        if (gap.partial) {
+          m.partial += gap.seq_count;
+          continue;
+        }
+        m.polls[gap.cause] += gap.seq_count;
+        ++m.gaps[gap.cause];
+        if (gap.cause == Cause::recorder_off) {
+          m.off_us += gap.t_to_us - gap.t_from_us;
+        }
+      }
+    });
+  }
+  return out;
+}
+
+std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
+
+Value time_or_missing(Micros t_us, const char* reason) {
+  return t_us == 0 ? Value(Missing{reason}) : Value(Time{t_us});
+}
+
+const Robot& robot_of(const std::vector<Robot>& robots, RobotId id) {
+  return *std::find_if(robots.begin(), robots.end(), [&](const Robot& r) { return r.id == id; });
+}
+
+std::vector<Coverage> coverage_of(const RowSource& log, const std::vector<Robot>& robots) {
+  std::vector<Coverage> all = log.coverage();
+  std::erase_if(all, [&](const Coverage& c) {
+    return std::none_of(robots.begin(), robots.end(), [&](const Robot& r) { return r.id == c.robot; });
+  });
+  std::sort(all.begin(), all.end(), [](const Coverage& a, const Coverage& b) {
+    return std::pair(a.robot, a.source) < std::pair(b.robot, b.source);
+  });
+  return all;
+}
+
+DataTable parts_table(const store::LogReader& reader) {
+  DataTable table{"parts",
+                  "Parts",
+                  {{"number", "", "number of the part"},
+                   {"file", "", "file name"},
+                   {"bytes", "B", "size of the file"},
+                   {"closed", "", "complete, never written again"},
+                   {"first", "", "first answer", false, true},
+                   {"last", "", "last answer", false, true}},
+                  {},
+                  false};
+  for (const store::LogReader::PartInfo& part : reader.parts()) {
+    table.rows.push_back({static_cast<std::int64_t>(part.number), part.path.filename().string(), count(part.bytes),
+                          part.closed, time_or_missing(part.first_us, "holds no answer"),
+                          time_or_missing(part.last_us, "holds no answer")});
+  }
+  return table;
+}
+
+DataTable sessions_table(const RowSource& log) {
+  DataTable table{"sessions",
+                  "Sessions (starts of the recorder)",
+                  {{"session", "", "number"},
+                   {"start", "", "start", false, true},
+                   {"end", "", "end", false, true},
+                   {"clean", "", "ended as asked, not killed"},
+                   {"software", "", "program and version"},
+                   {"host", "", "host it ran on"}},
+                  {},
+                  false};
+  for (const Session& s : log.sessions()) {
+    table.rows.push_back({static_cast<std::int64_t>(s.id), Time{s.t_start_us},
+                          time_or_missing(s.t_end_us, "still running, or killed"), s.clean, s.software, s.host});
+  }
+  return table;
+}
+
+DataTable robots_table(const std::vector<Robot>& robots) {
+  DataTable table{"robots",
+                  "Robots",
+                  {{"robot", "", "name in the configuration"},
+                   {"address", "", "where it was found last"},
+                   {"vehicle_id", "", "name it gives itself"},
+                   {"mac", "", "hardware address"},
+                   {"model_md5", "", "checksum of its model"},
+                   {"firmware", "", "from registers 37 to 40"}},
+                  {},
+                  false};
+  const auto said = [](const std::string& text) {
+    return text.empty() ? Value(Missing{"never told by the robot"}) : Value(text);
+  };
+  for (const Robot& r : robots) {
+    table.rows.push_back({r.name, r.address, said(r.vehicle_id), said(r.mac), said(r.model_md5), said(r.firmware)});
+  }
+  return table;
+}
+
+Value rate_of(const Coverage& c) {
+  if (c.stored < 2 || c.last_us <= c.first_us) {
+    return Missing{"fewer than two answers"};
+  }
+  return static_cast<double>(c.stored - 1) / (static_cast<double>(c.last_us - c.first_us) / 1e6);
+}
+
+DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
+  DataTable table{"sources",
+                  "Answers by source",
+                  {{"robot", "", "robot"},
+                   {"source", "", "source"},
+                   {"planned", "", "polls the schedule asked for"},
+                   {"stored", "", "answers kept"},
+                   {"missed", "", "polls inside gap rows"},
+                   {"accounted", "", "stored + missed = planned"},
+                   {"partial", "", "answers of which some registers are missing"},
+                   {"undecodable", "", "answers kept that could not be decoded"},
+                   {"period_s", "s", "planned period"},
+                   {"rate", "Hz", "answers per second from the first to the last"},
+                   {"bytes", "B", "bodies as received"},
+                   {"first", "", "first answer", false, true},
+                   {"last", "", "last answer", false, true}},
+                  {},
+                  false};
+  for (const Coverage& c : all) {
+    table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned),
+                          count(c.stored), count(c.missed), c.stored + c.missed == c.planned, count(c.partial),
+                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c), count(c.bytes),
+                          time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
+                          time_or_missing(c.stored == 0 ? 0 : c.last_us, "no answer")});
+  }
+  return table;
+}
+
+DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& robots) {
+  DataTable table{"missed",
+                  "Missed polls by cause",
+                  {{"robot", "", "robot"},
+                   {"source", "", "source"},
+                   {"cause", "", "why there is no answer"},
+                   {"polls", "", "planned polls without an answer"},
+                   {"gaps", "", "gap rows"},
+                   {"meaning", "", "the cause in words"}},
+                  {},
+                  false};
+  for (const auto& [key, m] : missed) {
+    for (const auto& [cause, polls] : m.polls) {
+      table.rows.push_back({robot_of(robots, key.first).name, std::string(source_name(key.second)),
+                            std::string(cause_name(cause)), count(polls), count(m.gaps.at(cause)),
+                            std::string(cause_meaning(cause))});
+    }
+  }
+  return table;
+}
+
+DataTable unknown_table(const RowSource& log, const std::vector<Robot>& robots) {
+  DataTable table{"unknown_keys",
+                  "Unknown keys (kept in the answers, not decoded)",
+                  {{"robot", "", "robot"},
+                   {"source", "", "source"},
+                   {"key", "", "path in the JSON answer"},
+                   {"first", "", "first seen", false, true}},
+                  {},
+                  false};
+  for (const UnknownKey& k : log.unknown_keys()) {
+    const auto at = std::find_if(robots.begin(), robots.end(), [&](const Robot& r) { return r.id == k.robot; });
+    if (at != robots.end()) {
+      table.rows.push_back({at->name, std::string(source_name(k.source)), k.key, Time{k.first_us}});
+    }
+  }
+  return table;
+}
+
+DataTable problems_table(const RowSource& log) {
+  DataTable table{"problems",
+                  "Foreign and damaged files",
+                  {{"where", "", "file, and place in it"}, {"what", "", "what is wrong and what was skipped"}},
+                  {},
+                  false};
+  for (const ReadProblem& p : log.problems()) {
+    table.rows.push_back({p.where, p.what});
+  }
+  return table;
+}
+
+bool expected(const Field& field, Source source) {
+  switch (source) {
+    case Source::status:
+      return !field.json.key.empty();
+    case Source::io:
+      return field.kind == Kind::points;
+    case Source::registers:
+      return field.reg.present() && !field.reg.discrete;
+    case Source::inputs:
+      return field.reg.discrete;
+  }
+  return false;
+}
+
+DataTable never_seen_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
+  DataTable table{"never_seen",
+                  "Fields never seen",
+                  {{"robot", "", "robot"},
+                   {"source", "", "source"},
+                   {"seen", "", "fields seen at least once"},
+                   {"never", "", "fields that this source could give and never gave"},
+                   {"names", "", "their names"}},
+                  {},
+                  false};
+  for (const Coverage& c : all) {
+    std::int64_t never = 0;
+    std::string names;
+    for (std::size_t f = 0; f < kFieldCount; ++f) {
+      if (c.stored > 0 && expected(kFields[f], c.source) && !c.seen.test(f)) {
+        ++never;
+        names += (names.empty() ? "" : " ") + std::string(kFields[f].name);
+      }
+    }
+    table.rows.push_back(
+        {robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.seen.count()), never, names});
+  }
+  return table;
+}
+
+Finding finding(const char* id, const std::string& robot, const std::string& title) {
+  Finding f;
+  f.id = id;
+  f.robot = robot;
+  f.title = title;
+  f.threshold_source = "fixed";
+  return f;
+}
+
+Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all) {
+  Finding f = finding("DATA-01", robot.name, "share of planned polls that are stored");
+  f.threshold = "PASS >= 99 %, FAIL < 90 %";
+  f.value.unit = "%";
+  f.advice = "the table of missed polls names the causes; timeouts and closed connections: check the network first";
+  std::uint64_t planned = 0;
+  std::uint64_t stored = 0;
+  for (const Coverage& c : all) {
+    planned += c.robot == robot.id ? c.planned : 0;
+    stored += c.robot == robot.id ? c.stored : 0;
+  }
+  if (planned == 0) {
+    f.value.reason = "no polls were planned";
+    f.advice = "the recorder was started and ended before its first poll, or this robot has no source configured";
+    return f;
+  }
+  f.value.value = 100.0 * static_cast<double>(stored) / static_cast<double>(planned);
+  f.value.n = count(planned);
+  f.verdict = *f.value.value >= 99.0 ? Verdict::pass : *f.value.value < 90.0 ? Verdict::fail : Verdict::warn;
+  f.severity = f.verdict == Verdict::pass ? 0 : f.verdict == Verdict::warn ? 3 : 6;
+  return f;
+}
+
+Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all, const MissedBySource& missed) {
+  Finding f = finding("DATA-02", robot.name, "polls that are neither stored nor in a gap row");
+  f.threshold = "stored + missed = planned for every source";
+  f.value.value = 0.0;
+  f.verdict = Verdict::pass;
+  for (const Coverage& c : all) {
+    if (c.robot != robot.id) {
+      continue;
+    }
+    const auto gaps = missed.find({c.robot, c.source});
+    const std::uint64_t in_gaps = gaps == missed.end() ? 0 : gaps->second.total();
+    const auto off = count(c.planned) - count(c.stored) - count(in_gaps);
+    *f.value.value += static_cast<double>(off < 0 ? -off : off);
+    if (off != 0 || in_gaps != c.missed) {
+      f.verdict = Verdict::fail;
+      f.severity = 8;
+      f.evidence.push_back({c.first_us, c.last_us, std::string(source_name(c.source)),
+                            fmt::format("planned {}, stored {}, missed {} by the summary and {} by the gap rows",
+                                        c.planned, c.stored, c.missed, in_gaps)});
+    }
+  }
+  f.advice = "rows are lost or doubled: keep the log as it is and report this as a defect";
+  return f;
+}
+
+Finding count_finding(const char* id, const char* title, std::size_t n, const char* advice) {
+  Finding f = finding(id, "", title);
+  f.threshold = "PASS 0";
+  f.value.value = static_cast<double>(n);
+  f.verdict = n == 0 ? Verdict::pass : Verdict::warn;
+  f.severity = n == 0 ? 0 : 2;
+  f.advice = advice;
+  return f;
+}
+
+void add_findings(Section& section, const RowSource& log, const std::vector<Coverage>& all, std::size_t unknown) {
+  std::uint64_t undecodable = 0;
+  for (const Coverage& c : all) {
+    undecodable += c.undecodable;
+  }
+  section.findings.push_back(
+      count_finding("DATA-10", "unknown keys", unknown,
+                    "newer firmware than this program knows; nothing is lost, the answers keep them"));
+  section.findings.push_back(count_finding("DATA-11", "foreign or damaged files", log.problems().size(),
+                                           "the table of foreign and damaged files says what was skipped"));
+  section.findings.push_back(count_finding("DATA-12", "answers that cannot be decoded", undecodable,
+                                           "`export --raw` gives them back byte for byte"));
+}
+
+}  // namespace
+
+Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader) {
+  Section section;
+  section.name = "info";
+  section.title = "Log";
+  section.question = "What does this log hold, and what is missing?";
+  const std::vector<Coverage> all = coverage_of(log, robots);
+  const MissedBySource missed = read_gaps(log, robots);
+  for (const Robot& robot : robots) {
+    section.findings.push_back(coverage_finding(robot, all));
+    section.findings.push_back(accounting_finding(robot, all, missed));
+  }
+  if (reader != nullptr) {
+    section.tables.push_back(parts_table(*reader));
+  }
+  section.tables.push_back(sessions_table(log));
+  section.tables.push_back(robots_table(robots));
+  section.tables.push_back(sources_table(all, robots));
+  section.tables.push_back(missed_table(missed, robots));
+  DataTable unknown = unknown_table(log, robots);
+  const std::size_t unknown_keys = unknown.rows.size();
+  section.tables.push_back(std::move(unknown));
+  section.tables.push_back(never_seen_table(all, robots));
+  section.tables.push_back(problems_table(log));
+  add_findings(section, log, all, unknown_keys);
+  section.notes.push_back(
+      fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
+  if (robots.empty()) {
+    section.notes.push_back(
+        "this log holds no robot: the recorder was started without one, or nothing was written yet");
+  }
+  return section;
+}
+
+}  // namespace tacho::commands

@@ -1,0 +1,217 @@
+// tacho-analyzer: answers from a log. Options are read here and nowhere else; the work is in commands/ and analyses/.
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <functional>
+
+#include "analyzer/analyses/incident.hpp"
+#include "analyzer/analysis.hpp"
+#include "analyzer/commands/common.hpp"
+#include "analyzer/commands/export.hpp"
+#include "analyzer/commands/fields.hpp"
+#include "analyzer/commands/info.hpp"
+#include "analyzer/commands/report.hpp"
+#include "schema/text.hpp"
+#include "schema/time.hpp"
+
+namespace {
+
+using namespace tacho;
+using namespace tacho::commands;
+
+/// Options of the commands that have their own.
+struct Extra {
+  std::string at;
+  std::string before = "60s";
+  std::string after = "30s";
+  ExportOptions exports;
+};
+
+class Program {
+ public:
+  Program() : app_("Answers from the log of a robot recorder.", "tacho-analyzer") {
+    app_.set_version_flag("--version", "tacho-analyzer " TACHO_VERSION);
+    app_.require_subcommand(1);
+    app_.footer(
+        "Results go to standard output, everything else to standard error.\n"
+        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 findings at or above --fail-on.");
+    add_info();
+    for (const AnalysisSpec& spec : analyses()) {
+      add_analysis(spec);
+    }
+    add_incident();
+    add_report();
+    add_export();
+    add_tables();
+  }
+
+  int run(int argc, char** argv) {
+    refuse_unknown_command(argc, argv);
+    try {
+      app_.parse(argc, argv);
+    } catch (const CLI::ParseError& e) {
+      return app_.exit(e) == 0 ? kExitOk : kExitUsage;
+    }
+    return action_();
+  }
+
+ private:
+  CLI::App app_;
+  Options options_;
+  Extra extra_;
+  std::function<int()> action_;
+
+  CLI::App* command(const std::string& name, const std::string& what, std::function<int()> action) {
+    CLI::App* sub = app_.add_subcommand(name, what);
+    sub->callback([this, action = std::move(action)] { action_ = action; });
+    return sub;
+  }
+
+  void log_options(CLI::App* sub) {
+    sub->add_option("LOG", options_.logs, "folder of a log, or its parts")->required();
+    sub->add_option("--robot", options_.robots, "only this robot; may be repeated");
+    sub->add_option("--tz", options_.zone, "time zone of days and of times given without one")->capture_default_str();
+    sub->add_option("--config", options_.config, "thresholds and facts about the robots (TOML)");
+  }
+  void window_options(CLI::App* sub) {
+    sub->add_option("--from", options_.from, "from this time on");
+    sub->add_option("--to", options_.to, "up to, not including, this time");
+  }
+  void format_options(CLI::App* sub, const std::vector<std::string>& formats) {
+    sub->add_option("--format", options_.format, "how results are written")
+        ->check(CLI::IsMember(formats))
+        ->default_str(formats.front());
+    sub->add_option("-o,--output", options_.output, "write to this file; for --format csv and png a folder");
+  }
+  void table_options(CLI::App* sub) {
+    sub->add_option("--table", options_.table, "with --format csv: the one table to print");
+    sub->add_flag("--all", options_.all, "every row of every table");
+    sub->add_option("--fail-on", options_.fail_on, "exit with 3 when a finding is at or above it")
+        ->check(CLI::IsMember({"warn", "fail"}));
+  }
+
+  int print(const Section& section, const Job& job) { return emit(section, job.origin(), options_); }
+
+  void add_info() {
+    CLI::App* sub = command("info", "What the log holds, and what is missing", [this] {
+      Job job = open_job(options_);
+      return print(info(*job.log, job.robots, job.reader), job);
+    });
+    log_options(sub);
+    format_options(sub, {"table", "json", "csv"});
+    table_options(sub);
+  }
+
+  void add_analysis(const AnalysisSpec& spec) {
+    CLI::App* sub = command(std::string(spec.name), std::string(spec.question), [this, &spec] {
+      Job job = open_job(options_);
+      return print(run_analysis(spec, *job.log, job.robot_ids(), job.window, options_.zone, job.settings), job);
+    });
+    log_options(sub);
+    window_options(sub);
+    format_options(sub, {"table", "json", "csv", "png"});
+    table_options(sub);
+  }
+
+  void add_incident() {
+    CLI::App* sub = command("incident", "What happened around one moment?", [this] { return run_incident(); });
+    log_options(sub);
+    sub->add_option("--at", extra_.at, "the moment")->required();
+    sub->add_option("--before", extra_.before, "how much before it")->capture_default_str();
+    sub->add_option("--after", extra_.after, "how much after it")->capture_default_str();
+    format_options(sub, {"table", "json", "csv"});
+    table_options(sub);
+  }
+
+  void add_report() {
+    CLI::App* sub = command("report", "Every analysis, as a folder of JSON, CSV and PNG", [this] {
+      Job job = open_job(options_);
+      return report_all(job);
+    });
+    log_options(sub);
+    window_options(sub);
+    sub->add_option("-o,--output", options_.output, "the folder; an earlier report in it is replaced")->required();
+    sub->add_option("--fail-on", options_.fail_on, "exit with 3 when a finding is at or above it")
+        ->check(CLI::IsMember({"warn", "fail"}));
+  }
+
+  void add_export() {
+    CLI::App* sub = command("export", "Rows of a source as CSV or JSON lines, or the answers byte for byte", [this] {
+      Job job = open_job(options_);
+      if (extra_.exports.raw) {
+        export_raw(job, extra_.exports);
+      } else {
+        export_rows(job, extra_.exports);
+      }
+      return kExitOk;
+    });
+    log_options(sub);
+    window_options(sub);
+    sub->add_option("--source", extra_.exports.source, "status, io, registers or inputs");
+    sub->add_option("--fields", extra_.exports.fields, "only these fields, separated by commas")->delimiter(',');
+    sub->add_flag("--states", extra_.exports.states, "say of each missing value why it is missing");
+    sub->add_flag("--raw", extra_.exports.raw, "the stored answers, each followed by a newline; -o DIR: a file each");
+    format_options(sub, {"csv", "json"});
+  }
+
+  void add_tables() {
+    const auto table = [this](const char* name, const char* what, Section (*make)()) {
+      CLI::App* sub = command(name, what, [this, make] {
+        options_.all = true;
+        report::Origin origin;
+        origin.tool = "tacho-analyzer " TACHO_VERSION;
+        return emit(make(), origin, options_);
+      });
+      format_options(sub, {"table", "json", "csv"});
+      sub->add_option("--table", options_.table, "with --format csv: the one table to print");
+    };
+    table("fields", "What each column means and where it comes from", &fields);
+    table("settings", "Thresholds and facts that --config can give, with their defaults", &settings);
+  }
+
+  int run_incident() {
+    const auto duration = [](const char* option, const std::string& text) {
+      const std::optional<Micros> value = parse_duration(text);
+      if (!value || *value < 0) {
+        throw UsageError(std::string(option) + " " + text + ": no duration; write 60s, 5min or 1h");
+      }
+      return *value;
+    };
+    IncidentQuery query;
+    query.before_us = duration("--before", extra_.before);
+    query.after_us = duration("--after", extra_.after);
+    query.zone = options_.zone;
+    Job job = open_job(options_);  // checks the zone before a time is read in it
+    query.at_us = time_option("--at", extra_.at, options_.zone);
+    job.window = {query.at_us - query.before_us, query.at_us + query.after_us};
+    return print(incident(*job.log, job.robot_ids(), query), job);
+  }
+
+  void refuse_unknown_command(int argc, char** argv) {
+    if (argc < 2 || argv[1][0] == '-') {
+      return;
+    }
+    std::vector<std::string> names;
+    for (const CLI::App* sub : app_.get_subcommands(nullptr)) {
+      names.push_back(sub->get_name());
+    }
+    if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+      throw UsageError(std::string(argv[1]) + ": no such command" + did_you_mean(argv[1], names) +
+                       "; --help lists the commands");
+    }
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return Program().run(argc, argv);
+  } catch (const UsageError& error) {
+    std::fprintf(stderr, "tacho-analyzer: error: %s\n", error.what());
+    return kExitUsage;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tacho-analyzer: error: %s\n", error.what());
+    return kExitFailed;
+  }
+}
