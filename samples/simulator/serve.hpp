@@ -18,14 +18,14 @@ struct ServedRobot {
 
 struct ServeOptions {
   std::string bind = "127.0.0.1";
-  std::string truth_file;  ///< written when stopped; empty = none
+  std::string truth_file;  ///< written by finish() or at the end; empty = none
   int max_clients = 10;    ///< further ones get the 19204 / 61001 frame
 };
 
 class Server {
  public:
   Server(std::vector<ServedRobot> robots, ServeOptions options);  ///< listens; throws Error when a port is taken
-  ~Server();                                                      ///< stops
+  ~Server();                                                      ///< finishes
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
@@ -35,6 +35,8 @@ class Server {
   /// ports.
   void stop(std::size_t robot);
   void start(std::size_t robot);
+  /// Stops all robots and writes the truth file, once. Throws Error when it cannot be written.
+  void finish();
   [[nodiscard]] Truth truth(std::size_t robot) const;
 
  private:

@@ -1,0 +1,107 @@
+#include "samples/simulator/modbus_server.hpp"
+
+#include <modbus/modbus.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+
+#include "schema/error.hpp"
+
+namespace tacho::sim {
+namespace {
+
+constexpr int kReadDiscreteInputs = 2;
+constexpr int kReadInputRegisters = 4;
+constexpr std::size_t kUnitAt = 6;
+constexpr std::size_t kFunctionAt = 7;
+constexpr int kInputs = 80;
+constexpr int kRegisters = 140;
+
+struct FreeContext {
+  void operator()(modbus_t* context) const { modbus_free(context); }  // the sockets are ours
+};
+struct FreeMapping {
+  void operator()(modbus_mapping_t* mapping) const { modbus_mapping_free(mapping); }
+};
+
+}  // namespace
+
+struct ModbusServer::Protocol {
+  std::unique_ptr<modbus_t, FreeContext> context{modbus_new_tcp("127.0.0.1", 502)};
+  std::unique_ptr<modbus_mapping_t, FreeMapping> mapping{modbus_mapping_new(0, kInputs, 0, kRegisters)};
+};
+
+ModbusServer::ModbusServer(LiveRobot& robot, Descriptor listener)
+    : robot_(robot), listener_(std::move(listener)), protocol_(std::make_unique<Protocol>()) {
+  if (!protocol_->context || !protocol_->mapping) {
+    throw Error("cannot serve Modbus", modbus_strerror(errno), "");
+  }
+  modbus_set_indication_timeout(protocol_->context.get(), 1, 0);
+  thread_ = std::jthread([this] { run(); });
+}
+
+ModbusServer::~ModbusServer() {
+  stop_.signal();
+  thread_.join();
+}
+
+void ModbusServer::run() {
+  std::vector<pollfd> fds;
+  while (true) {
+    fds.assign({{stop_.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
+    for (const Descriptor& client : clients_) {
+      fds.push_back({client.get(), POLLIN, 0});
+    }
+    if (::poll(fds.data(), fds.size(), -1) < 0 && errno != EINTR) {
+      return;
+    }
+    if (fds[0].revents != 0) {
+      return;
+    }
+    for (std::size_t i = clients_.size(); i-- > 0;) {
+      if (fds[i + 2].revents != 0 && !serve(clients_[i])) {
+        clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+    }
+    if (fds[1].revents != 0) {
+      Descriptor client = accept_client(listener_);
+      if (client.open()) {
+        clients_.push_back(std::move(client));
+      }
+    }
+  }
+}
+
+// False when the connection is over.
+bool ModbusServer::serve(const Descriptor& client) {
+  modbus_t* context = protocol_->context.get();
+  modbus_mapping_t* mapping = protocol_->mapping.get();
+  std::array<std::uint8_t, MODBUS_TCP_MAX_ADU_LENGTH> request{};
+  modbus_set_socket(context, client.get());
+  const int size = modbus_receive(context, request.data());
+  if (size <= 0) {
+    return size == 0;
+  }
+  const int unit = robot_.scenario().modbus_unit;
+  if (unit >= 0 && request[kUnitAt] != unit) {
+    return true;
+  }
+  switch (request[kFunctionAt]) {
+    case kReadInputRegisters: {
+      const auto words = robot_.registers();
+      std::copy(words.begin(), words.end(), mapping->tab_input_registers);
+      return modbus_reply(context, request.data(), size, mapping) >= 0;
+    }
+    case kReadDiscreteInputs: {
+      const auto bits = robot_.inputs();
+      std::copy(bits.begin(), bits.end(), mapping->tab_input_bits);
+      return modbus_reply(context, request.data(), size, mapping) >= 0;
+    }
+    default:
+      return modbus_reply_exception(context, request.data(), MODBUS_EXCEPTION_ILLEGAL_FUNCTION) >= 0;
+  }
+}
+
+}  // namespace tacho::sim

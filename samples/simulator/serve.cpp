@@ -1,0 +1,88 @@
+#include "samples/simulator/serve.hpp"
+
+#include <utility>
+
+#include "samples/simulator/modbus_server.hpp"
+#include "samples/simulator/status_server.hpp"
+#include "schema/error.hpp"
+
+namespace tacho::sim {
+namespace {
+
+// One robot and, while it is switched on, its two servers.
+struct Station {
+  explicit Station(const ServedRobot& served)
+      : robot(served.scenario), status_port(served.status_port), modbus_port(served.modbus_port) {}
+
+  LiveRobot robot;
+  std::uint16_t status_port;
+  std::uint16_t modbus_port;
+  std::unique_ptr<StatusServer> status;
+  std::unique_ptr<ModbusServer> modbus;
+
+  void start(const ServeOptions& options) {
+    Descriptor status_listener = listen_on(options.bind, status_port);
+    Descriptor modbus_listener = listen_on(options.bind, modbus_port);
+    status_port = port_of(status_listener);
+    modbus_port = port_of(modbus_listener);
+    status = std::make_unique<StatusServer>(robot, std::move(status_listener), options.max_clients);
+    modbus = std::make_unique<ModbusServer>(robot, std::move(modbus_listener));
+  }
+  void stop() {
+    status.reset();
+    modbus.reset();
+  }
+};
+
+}  // namespace
+
+struct Server::Impl {
+  ServeOptions options;
+  std::vector<std::unique_ptr<Station>> robots;
+};
+
+Server::Server(std::vector<ServedRobot> robots, ServeOptions options) : impl_(std::make_unique<Impl>()) {
+  impl_->options = std::move(options);
+  for (const ServedRobot& served : robots) {
+    impl_->robots.push_back(std::make_unique<Station>(served));
+    impl_->robots.back()->start(impl_->options);
+  }
+}
+
+Server::~Server() {
+  try {
+    finish();
+  } catch (const Error&) {
+    // Whoever wants to know calls finish() itself.
+  }
+}
+
+std::uint16_t Server::status_port(std::size_t robot) const { return impl_->robots.at(robot)->status_port; }
+std::uint16_t Server::modbus_port(std::size_t robot) const { return impl_->robots.at(robot)->modbus_port; }
+
+void Server::stop(std::size_t robot) { impl_->robots.at(robot)->stop(); }
+
+void Server::start(std::size_t robot) {
+  Station& station = *impl_->robots.at(robot);
+  if (!station.status) {
+    station.start(impl_->options);
+  }
+}
+
+Truth Server::truth(std::size_t robot) const { return impl_->robots.at(robot)->robot.truth(); }
+
+void Server::finish() {
+  std::vector<std::string> names;
+  std::vector<Truth> truths;
+  for (const auto& robot : impl_->robots) {
+    robot->stop();
+    names.push_back(robot->robot.scenario().name);
+    truths.push_back(robot->robot.truth());
+  }
+  const std::string file = std::exchange(impl_->options.truth_file, {});
+  if (!file.empty()) {
+    write_truth(file, names, truths);
+  }
+}
+
+}  // namespace tacho::sim
