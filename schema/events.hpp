@@ -1,6 +1,27 @@
 #pragma once
 // Derives events from decoded answers. Pure: no clock, no I/O. The recorder and the simulator use it while writing, and
 // a verifier can run it again over a log and compare.
+//
+// Time: an edge lies in (t_from_us, t_us] = (request of the last answer that showed the old value, receipt of the
+// answer that shows the new one]; a gap in between is part of it. Whatever is seen without such an earlier answer has
+// t_from_us == t_us.
+//
+// Values, as text: flags "true" / "false", codes by name ("running", or the number when the list has no name for it),
+// texts as they are. The first answer of a session sets the state silently; only alarms that stand already are raised,
+// with t_from_us == t_us and an empty old_value.
+//
+// Absent, null, unreadable and not supplied change nothing: a missing alarm array does not clear its alarms.
+//
+// Alarms: key (level, code), subject "error 52201", values are the `times` counter (1 when the robot gives none, 0
+// while the alarm is absent), detail is the description. `times` growing is a repetition; `times` falling, or another
+// stamp with the same `times`, means cleared and raised again between two answers. Elements with the same key are one
+// alarm with the largest `times`.
+//
+// Unknown keys: one event per source and key, at most 200 keys per source; subject is the key.
+//
+// Digital points: subject "DI 3" / "DO 3". The same point may be told by `io`, `inputs` and `status`; an edge is
+// reported once, from the first of these three that has told the point within the last 3 s. All other edges are found
+// per source: a consumer that counts takes one source.
 
 #include <functional>
 #include <memory>
@@ -19,7 +40,8 @@ class EventMachine {
   EventMachine(EventMachine&&) noexcept;
   EventMachine& operator=(EventMachine&&) noexcept;
 
-  /// Calls `emit` for each event of this sample, in a fixed order.
+  /// Calls `emit` for each event of this sample, in a fixed order: decodability, unknown keys, reboot, states in the
+  /// order of the table, alarms by level and code, points.
   void step(const Sample& sample, const std::function<void(Event)>& emit);
 
   /// The fields `step` looks at; decode at least these.

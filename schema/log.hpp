@@ -2,6 +2,7 @@
 // Ties wire and store together: the way into a log for recorder and simulator, the way out for the analyzer.
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -16,7 +17,9 @@ namespace tacho {
 /// Opens a log for reading. Throws Error as LogReader does.
 std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs);
 
-/// Decodes one stored answer of any source.
+/// Decodes one stored answer of any source. `gates` belongs to the caller, one per robot: answers of `inputs` set it,
+/// answers of `registers` need it. It must be emptied where a session begins and where `inputs` has a gap, because a
+/// flag that nobody reads any more says nothing.
 class AnswerDecoder {
  public:
   AnswerDecoder();
@@ -29,11 +32,20 @@ class AnswerDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Host wall clock minus host monotonic clock: constant but for steps and slewing of the wall clock.
+Micros host_wall_minus_mono();
+
 /// Answers in, rows and events out: decodes each answer once, derives events, notes coverage, identity and robot clock.
 /// One thread, the writer's.
+///
+/// Clock points are made per robot: one a minute, at the middle of an answer that carries the robot's clock
+/// (create_on); robots that never send it get points of the host clocks alone, after 70 s. When the wall clock has
+/// stepped by more than 0.5 s against the monotonic one since the robot's last point, a point and a clock_step event
+/// follow at once.
 class Ingest {
  public:
-  explicit Ingest(store::LogWriter& writer);
+  /// `wall_minus_mono` is asked once per answer. A log that is made, not recorded, passes a constant.
+  explicit Ingest(store::LogWriter& writer, std::function<Micros()> wall_minus_mono = host_wall_minus_mono);
   ~Ingest();
   Ingest(const Ingest&) = delete;
   Ingest& operator=(const Ingest&) = delete;

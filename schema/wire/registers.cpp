@@ -129,9 +129,7 @@ Cell decode_cell(const Field& field, double value) {
   return cell;
 }
 
-bool holds(FieldIndex flag, const Gates& gates) {
-  return gates.known.test(flag) && gates.on.test(flag);
-}
+bool holds(FieldIndex flag, const Gates& gates) { return gates.known.test(flag) && gates.on.test(flag); }
 
 struct Span {
   std::uint32_t first;
@@ -273,9 +271,10 @@ void split_words(std::uint32_t bits, WordOrder order, std::uint16_t& first, std:
 
 std::vector<Range> plan_ranges(bool discrete, std::uint16_t max_count, std::uint16_t max_gap) {
   assert(max_count >= 2);
+  const std::uint32_t gap = discrete ? std::uint32_t{max_gap} * 16 : max_gap;
   std::vector<Span> merged;
   for (const Span& span : documented_spans(discrete)) {
-    if (!merged.empty() && span.first <= merged.back().end + max_gap && span.end - merged.back().first <= max_count) {
+    if (!merged.empty() && span.first <= merged.back().end + gap && span.end - merged.back().first <= max_count) {
       merged.back().end = std::max(merged.back().end, span.end);
     } else {
       merged.push_back(span);
@@ -287,7 +286,7 @@ std::vector<Range> plan_ranges(bool discrete, std::uint16_t max_count, std::uint
     const std::uint32_t last = end - 1;
     const std::uint32_t rounded = (last + kRoundedEnd - 1) / kRoundedEnd * kRoundedEnd;
     const std::uint32_t next = i + 1 < merged.size() ? merged[i + 1].first : kLastAddress;
-    const bool fits = rounded - last <= max_gap && rounded - first + 1 <= max_count && rounded < next;
+    const bool fits = rounded - last <= gap && rounded - first + 1 <= max_count && rounded < next;
     ranges.push_back(
         {static_cast<std::uint16_t>(first), static_cast<std::uint16_t>((fits ? rounded : last) - first + 1)});
   }

@@ -44,7 +44,8 @@ std::uint32_t join_words(std::uint16_t first, std::uint16_t second, WordOrder or
 void split_words(std::uint32_t bits, WordOrder order, std::uint16_t& first, std::uint16_t& second);
 
 /// Plans requests for every [3x] field (or [1x] when `discrete`): ranges of at most `max_count`, merged over gaps of at
-/// most `max_gap` unused registers, no value split. With the defaults: [3x] 1-100 and 120-140; [1x] 1-80.
+/// most `max_gap` unused registers (16 inputs count as one), no value split, ends rounded up to the next ten where the
+/// gap rule allows it. With the defaults these are the vendor tool's requests: [3x] 1-100 and 120-140; [1x] 1-80.
 std::vector<Range> plan_ranges(bool discrete, std::uint16_t max_count = 100, std::uint16_t max_gap = 20);
 /// The runs exactly as documented, without gaps in between: the fallback when a gap-spanning request is refused.
 std::vector<Range> documented_runs(bool discrete);

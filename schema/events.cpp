@@ -1,0 +1,423 @@
+#include "schema/events.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "schema/time.hpp"
+
+namespace tacho {
+
+namespace {
+
+constexpr double kUptimeToleranceS = 1.0;
+constexpr double kLongestUptimeS = 1e10;  // 300 years: more is no uptime
+constexpr std::size_t kUnknownKeyEvents = 200;  // a robot that makes up keys must not fill the log
+constexpr Micros kPointSilenceUs = 3'000'000;
+
+std::string flag_text(bool on) { return on ? "true" : "false"; }
+
+std::string value_text(const Sample& sample, FieldIndex f) {
+  const Cell& cell = sample.at(f);
+  const Field& row = field_at(f);
+  switch (row.kind) {
+    case Kind::flag:
+      return flag_text(cell.integer != 0);
+    case Kind::text:
+      return std::string(sample.text(f));
+    case Kind::code: {
+      const std::string_view name = code_name(row, cell.integer);
+      return name.empty() ? std::to_string(cell.integer) : std::string(name);
+    }
+    default:
+      return std::to_string(cell.integer);
+  }
+}
+
+/// A state whose change is an event: how to read it from a sample, empty when the sample does not tell.
+struct Signal {
+  EventKind kind;
+  std::string_view subject;
+  std::vector<FieldIndex> fields;
+  std::optional<std::string> (*read)(const Sample& sample, const std::vector<FieldIndex>& fields);
+};
+
+std::optional<std::string> read_value(const Sample& sample, const std::vector<FieldIndex>& fields) {
+  return sample.at(fields[0]).has() ? std::optional<std::string>(value_text(sample, fields[0])) : std::nullopt;
+}
+
+std::optional<std::string> read_version(const Sample& sample, const std::vector<FieldIndex>& fields) {
+  std::string text;
+  for (const FieldIndex f : fields) {
+    if (!sample.at(f).has()) {
+      return std::nullopt;
+    }
+    text += fmt::format("{}{}", text.empty() ? "" : ".", sample.at(f).integer);
+  }
+  return text;
+}
+
+/// Fields: locked, nick name, address.
+std::optional<std::string> read_owner(const Sample& sample, const std::vector<FieldIndex>& fields) {
+  if (!sample.at(fields[0]).has()) {
+    return std::nullopt;
+  }
+  if (sample.at(fields[0]).integer == 0) {
+    return "nobody";
+  }
+  const auto text = [&](FieldIndex f) { return sample.at(f).has() ? std::string(sample.text(f)) : std::string(); };
+  const std::string name = text(fields[1]);
+  const std::string address = text(fields[2]);
+  return (name.empty() ? "somebody" : name) + (address.empty() ? "" : " (" + address + ")");
+}
+
+const std::vector<Signal>& signals() {
+  static const std::vector<Signal> table{
+      {EventKind::identity, "vehicle_id", {field("vehicle_id")}, read_value},
+      {EventKind::identity, "mac", {field("mac")}, read_value},
+      {EventKind::identity, "model_md5", {field("model_md5")}, read_value},
+      {EventKind::identity,
+       "firmware",
+       {field("version_major"), field("version_minor"), field("version_patch"), field("version_redistribute")},
+       read_version},
+      {EventKind::map, "name", {field("current_map")}, read_value},
+      {EventKind::map, "md5", {field("current_map_md5")}, read_value},
+      {EventKind::map, "number", {field("map_number")}, read_value},
+      {EventKind::localisation, "", {field("reloc_status")}, read_value},
+      {EventKind::localisation, "", {field("reloc_status_register")}, read_value},
+      {EventKind::control_owner,
+       "",
+       {field("current_lock_locked"), field("current_lock_nick_name"), field("current_lock_ip")},
+       read_owner},
+      {EventKind::control_owner, "", {field("control_preempted")}, read_value},
+      {EventKind::emergency, "", {field("emergency")}, read_value},
+      {EventKind::emergency, "software", {field("soft_emc")}, read_value},
+      {EventKind::driver_emergency, "", {field("driver_emc")}, read_value},
+      {EventKind::blocked, "", {field("blocked")}, read_value},
+      {EventKind::slowed, "", {field("slowed")}, read_value},
+      {EventKind::charging, "", {field("charging")}, read_value},
+      {EventKind::task, "", {field("task_status")}, read_value},
+      {EventKind::station, "current_station", {field("current_station")}, read_value},
+      {EventKind::station, "current_station_id", {field("current_station_id")}, read_value},
+  };
+  return table;
+}
+
+constexpr std::array<FieldIndex, 4> kAlarmFields{field("fatals"), field("errors"), field("warnings"), field("notices")};
+constexpr FieldIndex kUptime = field("uptime");
+
+struct PointKey {
+  bool output = false;
+  std::int32_t id = 0;
+  friend auto operator<=>(const PointKey&, const PointKey&) = default;
+};
+
+struct PointField {
+  FieldIndex field;
+  PointKey key;
+};
+
+/// di_0 ... do_15: the discrete inputs that mirror digital points.
+const std::vector<PointField>& point_fields() {
+  static const std::vector<PointField> table = [] {
+    std::vector<PointField> rows;
+    for (const bool output : {false, true}) {
+      for (std::int32_t id = 0;; ++id) {
+        const FieldIndex f = find_field((output ? "do_" : "di_") + std::to_string(id));
+        if (f == kNoField) {
+          break;
+        }
+        rows.push_back({f, {output, id}});
+      }
+    }
+    return rows;
+  }();
+  return table;
+}
+
+/// Which source is believed about digital points: smaller is better, registers tell none.
+int point_rank(Source source) {
+  switch (source) {
+    case Source::io:
+      return 0;
+    case Source::inputs:
+      return 1;
+    case Source::status:
+    case Source::registers:
+      break;
+  }
+  return 2;
+}
+
+std::array<FieldSet, kSourceCount> make_field_sets() {
+  FieldSet watched;
+  for (const Signal& signal : signals()) {
+    for (const FieldIndex f : signal.fields) {
+      watched.set(f);
+    }
+  }
+  for (const PointField& row : point_fields()) {
+    watched.set(row.field);
+  }
+  std::array<FieldSet, kSourceCount> sets;
+  const auto set = [&](Source source, FieldIndex f) { sets[static_cast<std::size_t>(source)].set(f); };
+  for (FieldIndex f = 0; f < kFieldCount; ++f) {
+    const Field& row = field_at(f);
+    if (watched.test(f)) {
+      if (!row.json.key.empty()) {
+        set(Source::status, f);
+      }
+      if (row.reg.present()) {
+        set(row.reg.discrete ? Source::inputs : Source::registers, f);
+      }
+    }
+    if (row.kind == Kind::alarms || row.kind == Kind::points || f == kUptime) {
+      set(Source::status, f);
+    }
+    if (row.kind == Kind::points) {
+      set(Source::io, f);
+    }
+  }
+  return sets;
+}
+
+/// A value and the request time of the last answer that showed it.
+struct Known {
+  std::string value;
+  Micros t_us = 0;
+};
+
+struct Standing {
+  std::int64_t times = 1;
+  std::int64_t stamp_s = 0;
+  std::string desc;
+};
+
+struct Level {
+  bool known = false;
+  Micros t_us = 0;
+  std::map<std::int64_t, Standing> alarms;  // by code
+};
+
+struct Point {
+  std::optional<bool> status;
+  Micros t_us = 0;
+  std::array<std::optional<Micros>, 3> told_us;  // by rank
+};
+
+/// What one source has said so far.
+struct SourceState {
+  std::optional<bool> decodable;
+  std::set<std::string> unknown_keys;
+  std::optional<double> uptime_s;
+  Micros uptime_t_us = 0;
+  std::vector<std::optional<Known>> values = std::vector<std::optional<Known>>(signals().size());
+  std::array<Level, kAlarmFields.size()> levels;
+};
+
+std::map<std::int64_t, Standing> standing_alarms(const Sample& sample, AlarmLevel level) {
+  std::map<std::int64_t, Standing> alarms;
+  for (const AlarmItem& item : sample.alarms) {
+    if (item.level == level) {
+      const auto [found, is_new] = alarms.try_emplace(item.code);
+      found->second.times = std::max(found->second.times, item.times);
+      if (is_new) {
+        found->second.stamp_s = item.stamp_s;
+        found->second.desc = sample.texts.at(item.desc);
+      }
+    }
+  }
+  return alarms;
+}
+
+/// Cleared and raised again between two answers.
+bool restarted(const Standing& before, const Standing& now) {
+  const bool other_stamp = before.stamp_s != 0 && now.stamp_s != 0 && before.stamp_s != now.stamp_s;
+  return now.times < before.times || (now.times == before.times && other_stamp);
+}
+
+}  // namespace
+
+struct EventMachine::Impl {
+  std::array<SourceState, kSourceCount> sources;
+  std::map<PointKey, Point> points;  // of all sources
+
+  /// One call of step().
+  struct Step {
+    const Sample& sample;
+    const std::function<void(Event)>& emit;
+
+    void event(EventKind kind, std::optional<Micros> from, std::string subject, std::string old_value,
+               std::string new_value, std::string detail = {}) const {
+      Event event;
+      event.robot = sample.meta.robot;
+      event.session = sample.meta.session;
+      event.source = sample.meta.source;
+      event.kind = kind;
+      event.seq = sample.meta.seq;
+      event.t_us = sample.meta.t_recv_us;
+      event.t_from_us = std::min(from.value_or(event.t_us), event.t_us);  // the wall clock may step back
+      event.subject = std::move(subject);
+      event.old_value = std::move(old_value);
+      event.new_value = std::move(new_value);
+      event.detail = std::move(detail);
+      emit(std::move(event));
+    }
+  };
+
+  static void decodability(const Step& step, SourceState& state) {
+    const bool good = step.sample.decodable;
+    if (state.decodable.value_or(true) != good) {
+      step.event(EventKind::undecodable, std::nullopt, "", state.decodable ? flag_text(!*state.decodable) : "",
+                 flag_text(!good));
+    }
+    state.decodable = good;
+  }
+
+  static void unknown_keys(const Step& step, SourceState& state) {
+    for (const std::string& key : step.sample.unknown_keys) {
+      if (state.unknown_keys.size() < kUnknownKeyEvents && state.unknown_keys.insert(key).second) {
+        step.event(EventKind::unknown_key, std::nullopt, key, "", "");
+      }
+    }
+  }
+
+  static void reboot(const Step& step, SourceState& state) {
+    const Cell& uptime = step.sample.at(kUptime);
+    if (!uptime.has() || uptime.real < 0.0 || uptime.real > kLongestUptimeS) {
+      return;
+    }
+    if (state.uptime_s && uptime.real < *state.uptime_s - kUptimeToleranceS) {
+      const Micros started = step.sample.meta.t_recv_us - static_cast<Micros>(uptime.real * 1e6);
+      step.event(EventKind::reboot, state.uptime_t_us, "", fmt::format("{:.3f} s", *state.uptime_s),
+                 fmt::format("{:.3f} s", uptime.real), "running since " + iso_utc(started));
+    }
+    state.uptime_s = uptime.real;
+    state.uptime_t_us = step.sample.meta.t_send_us;
+  }
+
+  static void values(const Step& step, SourceState& state) {
+    const std::vector<Signal>& table = signals();
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      std::optional<std::string> now = table[i].read(step.sample, table[i].fields);
+      if (!now) {
+        continue;
+      }
+      std::optional<Known>& known = state.values[i];
+      if (known && known->value != *now) {
+        step.event(table[i].kind, known->t_us, std::string(table[i].subject), known->value, *now);
+      }
+      known = Known{std::move(*now), step.sample.meta.t_send_us};
+    }
+  }
+
+  static void alarms(const Step& step, SourceState& state) {
+    for (std::size_t i = 0; i < kAlarmFields.size(); ++i) {
+      if (step.sample.at(kAlarmFields[i]).has()) {
+        const auto level = static_cast<AlarmLevel>(i);
+        alarm_edges(step, level, state.levels[i], standing_alarms(step.sample, level));
+      }
+    }
+  }
+
+  static void alarm_edges(const Step& step, AlarmLevel level, Level& before, std::map<std::int64_t, Standing> now) {
+    const auto event = [&](EventKind kind, std::int64_t code, std::string old_value, std::string new_value,
+                           const std::string& desc) {
+      const std::optional<Micros> from = before.known ? std::optional<Micros>(before.t_us) : std::nullopt;
+      step.event(kind, from, fmt::format("{} {}", alarm_level_name(level), code), std::move(old_value),
+                 std::move(new_value), desc);
+    };
+    const auto raised = [&](std::int64_t code, const Standing& alarm) {
+      event(EventKind::alarm_raised, code, before.known ? "0" : "", std::to_string(alarm.times), alarm.desc);
+    };
+    const auto cleared = [&](std::int64_t code, const Standing& alarm) {
+      event(EventKind::alarm_cleared, code, std::to_string(alarm.times), "0", alarm.desc);
+    };
+    for (const auto& [code, alarm] : before.alarms) {
+      if (now.count(code) == 0) {
+        cleared(code, alarm);
+      }
+    }
+    for (const auto& [code, alarm] : now) {
+      const auto found = before.alarms.find(code);
+      if (found == before.alarms.end()) {
+        raised(code, alarm);
+      } else if (restarted(found->second, alarm)) {
+        cleared(code, found->second);
+        raised(code, alarm);
+      } else if (alarm.times != found->second.times) {
+        event(EventKind::alarm_repeated, code, std::to_string(found->second.times), std::to_string(alarm.times),
+              alarm.desc);
+      }
+    }
+    before = {true, step.sample.meta.t_send_us, std::move(now)};
+  }
+
+  void digital_points(const Step& step) {
+    const Sample& sample = step.sample;
+    for (const IoPoint& item : sample.points) {
+      const std::string_view origin = sample.texts.at(item.source);
+      point(step, {item.output, item.id}, item.status, origin == "normal" ? "" : origin);
+    }
+    if (sample.meta.source == Source::inputs) {
+      for (const PointField& row : point_fields()) {
+        if (sample.at(row.field).has()) {
+          point(step, row.key, sample.at(row.field).integer != 0, "");
+        }
+      }
+    }
+  }
+
+  void point(const Step& step, PointKey key, bool status, std::string_view detail) {
+    Point& known = points[key];
+    const auto rank = static_cast<std::size_t>(point_rank(step.sample.meta.source));
+    const Micros now = step.sample.meta.t_recv_us;
+    known.told_us[rank] = now;
+    for (std::size_t better = 0; better < rank; ++better) {
+      if (known.told_us[better] && std::abs(now - *known.told_us[better]) <= kPointSilenceUs) {
+        return;
+      }
+    }
+    if (known.status && *known.status != status) {
+      step.event(key.output ? EventKind::digital_output : EventKind::digital_input, known.t_us,
+                 fmt::format("{} {}", key.output ? "DO" : "DI", key.id), flag_text(!status), flag_text(status),
+                 std::string(detail));
+    }
+    known.status = status;
+    known.t_us = step.sample.meta.t_send_us;
+  }
+};
+
+EventMachine::EventMachine() : impl_(std::make_unique<Impl>()) {}
+EventMachine::~EventMachine() = default;
+EventMachine::EventMachine(EventMachine&&) noexcept = default;
+EventMachine& EventMachine::operator=(EventMachine&&) noexcept = default;
+
+void EventMachine::step(const Sample& sample, const std::function<void(Event)>& emit) {
+  const Impl::Step step{sample, emit};
+  SourceState& state = impl_->sources[static_cast<std::size_t>(sample.meta.source)];
+  Impl::decodability(step, state);
+  Impl::unknown_keys(step, state);
+  if (!sample.decodable) {
+    return;
+  }
+  Impl::reboot(step, state);
+  Impl::values(step, state);
+  Impl::alarms(step, state);
+  impl_->digital_points(step);
+}
+
+const FieldSet& EventMachine::fields(Source source) {
+  static const std::array<FieldSet, kSourceCount> sets = make_field_sets();
+  return sets[static_cast<std::size_t>(source)];
+}
+
+}  // namespace tacho

@@ -1,0 +1,227 @@
+#include "schema/log.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cassert>
+#include <cstdlib>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "schema/events.hpp"
+#include "schema/store/log_reader.hpp"
+#include "schema/time.hpp"
+#include "schema/wire/registers.hpp"
+#include "schema/wire/status_json.hpp"
+
+namespace tacho {
+
+namespace {
+
+constexpr Micros kClockPeriodUs = 60'000'000;
+/// A point without the robot's clock waits a little longer, in case another source brings it.
+constexpr Micros kClockPatienceUs = 10'000'000;
+constexpr Micros kClockStepUs = 500'000;
+
+/// Takes over a text that the sample gives; true when it changed something.
+bool update_text(const Sample& sample, FieldIndex f, std::string& kept) {
+  if (!sample.at(f).has() || sample.text(f).empty() || sample.text(f) == kept) {
+    return false;
+  }
+  kept = sample.text(f);
+  return true;
+}
+
+bool update_firmware(const Sample& sample, std::string& kept) {
+  constexpr std::array<FieldIndex, 4> kParts{field("version_major"), field("version_minor"), field("version_patch"),
+                                             field("version_redistribute")};
+  std::string text;
+  bool zero = true;
+  for (const FieldIndex f : kParts) {
+    if (!sample.at(f).has()) {
+      return false;
+    }
+    zero = zero && sample.at(f).integer == 0;
+    text += fmt::format("{}{}", text.empty() ? "" : ".", sample.at(f).integer);
+  }
+  if (zero || text == kept) {
+    return false;
+  }
+  kept = text;
+  return true;
+}
+
+/// The robot's clock when it made the answer, UTC.
+std::optional<Micros> robot_time(const Sample& sample) {
+  constexpr FieldIndex kCreateOn = field("create_on");
+  return sample.at(kCreateOn).has() ? parse_time(sample.text(kCreateOn), "UTC") : std::nullopt;
+}
+
+}  // namespace
+
+std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs) {
+  // Shared because a std::function must be copyable; the reader keeps one copy.
+  const auto decoder = std::make_shared<AnswerDecoder>();
+  return std::make_unique<store::LogReader>(
+      logs, [decoder](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out) {
+        decoder->decode(answer, stream.word_order, wanted, false, gates, out);
+      });
+}
+
+struct AnswerDecoder::Impl {
+  wire::JsonDecoder json;
+};
+
+AnswerDecoder::AnswerDecoder() : impl_(std::make_unique<Impl>()) {}
+AnswerDecoder::~AnswerDecoder() = default;
+
+void AnswerDecoder::decode(const Answer& answer, WordOrder order, const FieldSet& wanted, bool collect_unknown,
+                           Gates& gates, Sample& out) {
+  out.meta = answer.meta;
+  switch (answer.meta.source) {
+    case Source::status:
+    case Source::io:
+      impl_->json.decode(answer.body, wanted, collect_unknown, out);
+      return;
+    case Source::registers:
+      wire::decode_registers(answer.body, order, gates, wanted, out);
+      return;
+    case Source::inputs:
+      wire::decode_inputs(answer.body, wanted, gates, out);
+      return;
+  }
+}
+
+Micros host_wall_minus_mono() {
+  // The wall clock is read between two readings of the other, so that being interrupted in between does not count.
+  Micros best = 0;
+  Micros narrowest = 0;
+  for (int i = 0; i < 3; ++i) {
+    const Micros before = mono_now_us();
+    const Micros wall = wall_now_us();
+    const Micros after = mono_now_us();
+    if (i == 0 || after - before < narrowest) {
+      narrowest = after - before;
+      best = wall - (before + (after - before) / 2);
+    }
+  }
+  return best;
+}
+
+struct Ingest::Impl {
+  /// What is known of one robot in this session.
+  struct RobotState {
+    EventMachine events;
+    Gates gates;
+    Robot identity;
+    std::optional<Micros> first_mono_us;
+    std::optional<ClockPoint> last_point;
+  };
+
+  store::LogWriter& writer;
+  std::function<Micros()> wall_minus_mono;
+  AnswerDecoder decoder;
+  std::map<std::pair<RobotId, Source>, WordOrder> word_orders;
+  std::map<RobotId, RobotState> robots;
+  Sample sample;
+  const FieldSet all = FieldSet().set();
+
+  Impl(store::LogWriter& log, std::function<Micros()> clock) : writer(log), wall_minus_mono(std::move(clock)) {}
+
+  void identity(RobotState& robot) {
+    Robot& known = robot.identity;
+    bool changed = update_text(sample, field("vehicle_id"), known.vehicle_id);
+    changed = update_text(sample, field("mac"), known.mac) || changed;
+    changed = update_text(sample, field("model_md5"), known.model_md5) || changed;
+    changed = update_firmware(sample, known.firmware) || changed;
+    if (changed) {
+      known.id = sample.meta.robot;
+      writer.identify(known.id, known);
+    }
+  }
+
+  void clock(RobotState& robot) {
+    const Micros offset = wall_minus_mono();
+    ClockPoint point;
+    point.robot = sample.meta.robot;
+    point.session = sample.meta.session;
+    point.wall_us = sample.meta.t_mid_us();
+    point.mono_us = point.wall_us - offset;
+    robot.first_mono_us = robot.first_mono_us.value_or(point.mono_us);
+
+    const bool stepped = robot.last_point && std::abs(offset - offset_of(*robot.last_point)) > kClockStepUs;
+    const Micros waited = robot.last_point ? point.mono_us - robot.last_point->mono_us
+                                           : point.mono_us - *robot.first_mono_us + kClockPeriodUs;
+    if (!stepped && waited < kClockPeriodUs) {
+      return;
+    }
+    point.robot_us = robot_time(sample);
+    if (stepped) {
+      writer.add(step_event(*robot.last_point, offset));
+    } else if (!point.robot_us && waited < kClockPeriodUs + kClockPatienceUs) {
+      return;
+    }
+    writer.add(point);
+    robot.last_point = point;
+  }
+
+  static Micros offset_of(const ClockPoint& point) { return point.wall_us - point.mono_us; }
+
+  [[nodiscard]] Event step_event(const ClockPoint& before, Micros offset) const {
+    const Micros step = offset - offset_of(before);
+    Event event;
+    event.robot = sample.meta.robot;
+    event.session = sample.meta.session;
+    event.source = sample.meta.source;
+    event.kind = EventKind::clock_step;
+    event.seq = sample.meta.seq;
+    event.t_us = sample.meta.t_recv_us;
+    event.t_from_us = std::min(before.wall_us, event.t_us);
+    event.subject = "host";
+    event.new_value = fmt::format("{:+.3f} s", static_cast<double>(step) * 1e-6);
+    event.detail = "the wall clock of this host was set; times before and after differ by this much";
+    return event;
+  }
+};
+
+Ingest::Ingest(store::LogWriter& writer, std::function<Micros()> wall_minus_mono)
+    : impl_(std::make_unique<Impl>(writer, std::move(wall_minus_mono))) {}
+Ingest::~Ingest() = default;
+
+void Ingest::declare(const Stream& stream) {
+  impl_->word_orders[{stream.robot, stream.source}] = stream.word_order;
+  impl_->robots[stream.robot];
+  impl_->writer.declare(stream);
+}
+
+void Ingest::append(const Answer& answer) {
+  const auto order = impl_->word_orders.find({answer.meta.robot, answer.meta.source});
+  assert(order != impl_->word_orders.end());
+  Impl::RobotState& robot = impl_->robots[answer.meta.robot];
+  Sample& sample = impl_->sample;
+  impl_->decoder.decode(answer, order->second, impl_->all, true, robot.gates, sample);
+  impl_->writer.append(answer);
+  impl_->writer.note(sample);
+  robot.events.step(sample, [this](const Event& event) { impl_->writer.add(event); });
+  impl_->identity(robot);
+  impl_->clock(robot);
+}
+
+void Ingest::add(const Gap& gap) {
+  if (gap.source == Source::inputs && !gap.partial) {
+    impl_->robots[gap.robot].gates = Gates{};
+  }
+  impl_->writer.add(gap);
+}
+
+void Ingest::add(const Event& event) { impl_->writer.add(event); }
+
+void Ingest::set_word_order(RobotId robot, Source source, WordOrder order) {
+  impl_->word_orders[{robot, source}] = order;
+  impl_->writer.set_word_order(robot, source, order);
+}
+
+const Sample& Ingest::last() const { return impl_->sample; }
+
+}  // namespace tacho
