@@ -1,0 +1,216 @@
+#include "analyzer/analyses/odometry_jumps.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "analyzer/math/poisson.hpp"
+
+namespace tacho::odometry {
+namespace {
+
+struct CauseText {
+  std::string_view name;
+  std::string_view meaning;
+};
+constexpr std::array<CauseText, kJumpCauseCount> kCauses{{
+    {"map", "map or map md5 changed"},
+    {"localisation", "localisation was not successful within 2 s"},
+    {"method", "localisation method changed within 2 s"},
+    {"confidence", "confidence fell by 0.2 or more within 2 s"},
+    {"gap", "nothing recorded before it: cannot tell"},
+    {"unexplained", "no cause in the log"},
+}};
+
+constexpr Micros kNear_us = 2'000'000;
+
+/// What one pair of consecutive poses says.
+struct Step {
+  std::size_t before = 0;
+  std::size_t row = 0;
+  bool judged = false;
+  bool off = false;
+  bool joined = false;
+  double dx = 0, dy = 0, dangle = 0;
+  double allowed_m = 0, allowed_rad = 0;
+};
+
+class Finder {
+ public:
+  Finder(const Track& track, const Accelerations& accelerations, const StandstillResult& still, const Config& config)
+      : track_(track), rows_(track.rows()), accelerations_(accelerations), config_(config) {
+    sigma_p_ = still.sigma_p.value.value_or(0.0);
+    sigma_theta_ = still.sigma_theta.value.value_or(0.0);
+  }
+
+  Step judge(std::size_t before, std::size_t after) const {
+    const Row& a = rows_[before];
+    const Row& b = rows_[after];
+    Step step;
+    step.before = before;
+    step.row = after;
+    step.joined = after == before + 1 && !b.all(kCut);
+    Interval i = interval_of(a, b, config_);
+    const bool odometer = a.all(kOdo) && b.all(kOdo);
+    // A map or localisation change alone is no hole: the polls went on.
+    const bool continuous = step.joined || (after == before + 1 && i.dt_s > 0.0 && i.dt_s <= config_.gap_min_s);
+    const bool stood = odometer && i.counted_m == 0.0;
+    if (a.all(kOdometryMode) || b.all(kOdometryMode) || i.dt_s <= 0.0 || (!continuous && !stood)) {
+      return step;
+    }
+    const bool twist = a.all(kSpeed | kTurn) && b.all(kSpeed | kTurn);
+    if (continuous && !twist && !i.standing) {
+      return step;
+    }
+    if (!continuous) {
+      i.standing = true;
+      i.twist = {};
+      i.metres = 0.0;
+    }
+    step.judged = true;
+    compare(a, b, i, step);
+    return step;
+  }
+
+  [[nodiscard]] Jump describe(const Step& step) const {
+    const Row& a = rows_[step.before];
+    const Row& b = rows_[step.row];
+    Jump jump{step.row, a.t_us, b.t_us, a.pose(), step.dx, step.dy, step.dangle, step.allowed_m, step.allowed_rad};
+    double highest = -1.0;
+    double lowest = 2.0;
+    bool lost = false;
+    bool method = false;
+    auto first = rows_.begin() + static_cast<std::ptrdiff_t>(step.before);
+    while (first != rows_.begin() && std::prev(first)->t_us >= a.t_us - kNear_us) {
+      --first;
+    }
+    for (auto row = first; row != rows_.end() && row->t_us <= b.t_us + kNear_us; ++row) {
+      lost = lost || !row->all(kPose) || cut_of(*row) == Cut::localisation;
+      method = method || row->loc_method != a.loc_method;
+      if (row->confidence >= 0.0F) {
+        highest = std::max(highest, static_cast<double>(row->confidence));
+        lowest = std::min(lowest, static_cast<double>(row->confidence));
+      }
+    }
+    jump.confidence = highest < 0.0 ? -1.0 : lowest;
+    const bool dip = highest - lowest >= 0.2;
+    jump.cause = changed_map(a, b) ? JumpCause::map
+                 : lost            ? JumpCause::localisation
+                 : method          ? JumpCause::method
+                 : dip             ? JumpCause::confidence
+                 : !step.joined    ? JumpCause::gap
+                                   : JumpCause::unexplained;
+    return jump;
+  }
+
+ private:
+  const Track& track_;
+  const std::vector<Row>& rows_;
+  const Accelerations& accelerations_;
+  const Config& config_;
+  double sigma_p_ = 0;
+  double sigma_theta_ = 0;
+
+  [[nodiscard]] std::optional<Cut> cut_of(const Row& row) const {
+    return row.all(kCut) ? std::optional(track_.segments()[row.segment].cut) : std::nullopt;
+  }
+  [[nodiscard]] bool changed_map(const Row& a, const Row& b) const {
+    const auto& segments = track_.segments();
+    return std::any_of(segments.begin() + a.segment + 1, segments.begin() + b.segment + 1,
+                       [](const Segment& s) { return s.cut == Cut::map; });
+  }
+
+  void compare(const Row& a, const Row& b, const Interval& i, Step& step) const {
+    const Pose predicted = compose(a.pose(), exp_se2(i.twist, i.dt_s));
+    step.dx = b.x - predicted.x;
+    step.dy = b.y - predicted.y;
+    step.dangle = wrap_pi(static_cast<double>(b.angle) - predicted.angle);
+    const double bound_rad = accelerations_.radians(a, b, i);
+    const double bound_m = accelerations_.metres(a, b, i) + 0.5 * i.metres * bound_rad;
+    const double sigma_e = std::sqrt(2.0 * sigma_p_ * sigma_p_ + i.metres * i.metres * sigma_theta_ * sigma_theta_);
+    step.allowed_m = std::max({config_.jump_m, config_.jump_sigmas * sigma_e, bound_m});
+    step.allowed_rad = std::max({config_.jump_rad, config_.jump_sigmas * std::sqrt(2.0) * sigma_theta_, bound_rad});
+    step.off = std::hypot(step.dx, step.dy) > step.allowed_m || std::abs(step.dangle) > step.allowed_rad;
+  }
+};
+
+/// The same error twice in a row: e.g. wheels that spin for two seconds.
+bool same_direction(const Step& a, const Step& b) {
+  const bool moved =
+      std::hypot(a.dx, a.dy) > a.allowed_m && std::hypot(b.dx, b.dy) > b.allowed_m && a.dx * b.dx + a.dy * b.dy > 0.0;
+  const bool turned =
+      std::abs(a.dangle) > a.allowed_rad && std::abs(b.dangle) > b.allowed_rad && a.dangle * b.dangle > 0.0;
+  return a.off && b.off && a.joined && b.joined && (moved || turned);
+}
+
+}  // namespace
+
+std::string_view jump_cause_name(JumpCause cause) { return kCauses[static_cast<std::size_t>(cause)].name; }
+std::string_view jump_cause_meaning(JumpCause cause) { return kCauses[static_cast<std::size_t>(cause)].meaning; }
+
+std::uint64_t JumpResult::count(JumpCause cause) const {
+  return static_cast<std::uint64_t>(
+      std::count_if(jumps.begin(), jumps.end(), [cause](const Jump& j) { return j.cause == cause; }));
+}
+
+bool JumpResult::at(std::size_t row) const {
+  const auto found =
+      std::lower_bound(jumps.begin(), jumps.end(), row, [](const Jump& j, std::size_t r) { return j.row < r; });
+  return found != jumps.end() && found->row == row;
+}
+
+JumpResult find_jumps(const Track& track, const Accelerations& accelerations, const StandstillResult& still,
+                      const Config& config) {
+  JumpResult r;
+  r.unexplained_per_km.unit = "1/km";
+  const std::vector<Row>& rows = track.rows();
+  if (!(track.period_s() <= config.period_max_s)) {
+    r.reason = std::isfinite(track.period_s())
+                   ? fmt::format("period {:.3g} s: jumps need polling at least every {:.3g} s", track.period_s(),
+                                 config.period_max_s)
+                   : "fewer than two rows";
+    r.unexplained_per_km.reason = r.reason;
+    return r;
+  }
+  const Finder finder(track, accelerations, still, config);
+  Step before;
+  Step current;
+  const auto settle = [&](const Step& after) {
+    if (current.off && (same_direction(before, current) || same_direction(current, after))) {
+      ++r.sustained;
+    } else if (current.off) {
+      r.jumps.push_back(finder.describe(current));
+    }
+    before = current;
+    current = after;
+  };
+  std::optional<std::size_t> last;
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    if (!rows[k].all(kPose)) {
+      continue;
+    }
+    if (last) {
+      const Step step = finder.judge(*last, k);
+      const Interval i = interval_of(rows[*last], rows[k], config);
+      r.intervals += step.judged ? 1U : 0U;
+      r.km += step.judged && i.counted_m > 0.0 ? i.counted_m / 1000.0 : 0.0;
+      settle(step);
+    }
+    last = k;
+  }
+  settle(Step{});
+  if (r.intervals == 0) {
+    r.reason = "the log has no pair of poses with a speed between them";
+    r.unexplained_per_km.reason = r.reason;
+  } else if (r.km <= 0.0) {
+    r.unexplained_per_km.reason = "nothing driven";
+  } else {
+    const math::Rate rate = math::poisson_rate(static_cast<double>(r.count(JumpCause::unexplained)), r.km);
+    r.unexplained_per_km = {
+        rate.value, "1/km", rate.lo, rate.hi, static_cast<std::int64_t>(r.count(JumpCause::unexplained)), r.km, ""};
+  }
+  return r;
+}
+
+}  // namespace tacho::odometry

@@ -1,0 +1,48 @@
+#pragma once
+// A9: localisation jumps. For consecutive poses e = predicted^-1 * observed, predicted = pose * Exp(mean twist dt):
+// a jump if |e_t| > max(0.10 m, 6 sigma_e, b_k) or |e_theta| > max(3 deg, 6 sqrt2 sigma_theta, b_theta), with
+// sigma_e^2 = 2 sigma_p^2 + (I sigma_theta)^2 and b_k, b_theta the integration bounds of the interval (b_k including
+// the turn's doubt, I b_theta / 2). Not a jump when a neighbouring interval is off as well, in the same direction: that
+// is slip. Across a hole (gap, restart, lost localisation) only a robot whose counter did not move can be judged.
+// Cause, in order: map, localisation, method, confidence, gap ("cannot tell"), unexplained.
+
+#include "analyzer/analyses/odometry_speed.hpp"
+#include "analyzer/analyses/odometry_standstill.hpp"
+
+namespace tacho::odometry {
+
+enum class JumpCause : std::uint8_t { map, localisation, method, confidence, gap, unexplained };
+inline constexpr std::size_t kJumpCauseCount = 6;
+std::string_view jump_cause_name(JumpCause cause);
+std::string_view jump_cause_meaning(JumpCause cause);
+
+struct Jump {
+  std::size_t row = 0;  ///< index in Track::rows() of the first row after it
+  Micros from_us = 0;
+  Micros to_us = 0;
+  Pose before;      ///< pose of the row before, map frame
+  double dx_m = 0;  ///< observed - predicted, map frame
+  double dy_m = 0;
+  double dangle_rad = 0;
+  double allowed_m = 0;
+  double allowed_rad = 0;
+  double confidence = -1;  ///< lowest within 2 s; -1 = none
+  JumpCause cause = JumpCause::unexplained;
+};
+
+struct JumpResult {
+  std::vector<Jump> jumps;
+  double km = 0;                ///< counter distance over which jumps were looked for
+  std::uint64_t sustained = 0;  ///< intervals that were off together with a neighbour
+  std::uint64_t intervals = 0;
+  Quantity unexplained_per_km;  ///< Garwood limits
+  std::string reason;           ///< why nothing could be looked at; empty when it could
+  [[nodiscard]] std::uint64_t count(JumpCause cause) const;
+  /// True when a pose track is cut between rows row-1 and row.
+  [[nodiscard]] bool at(std::size_t row) const;
+};
+
+JumpResult find_jumps(const Track& track, const Accelerations& accelerations, const StandstillResult& still,
+                      const Config& config);
+
+}  // namespace tacho::odometry
