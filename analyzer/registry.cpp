@@ -7,7 +7,9 @@
 namespace tacho {
 
 std::span<const AnalysisSpec> analyses() {
-  static const std::vector<AnalysisSpec> rows{};
+  static const std::vector<AnalysisSpec> rows{
+      kAlarms,
+  };
   return rows;
 }
 

@@ -1,0 +1,230 @@
+// Tables by alarm code: counts, active and stopped time, and the three Paretos.
+
+#include <algorithm>
+#include <set>
+
+#include "analyzer/analyses/alarm_results.hpp"
+#include "analyzer/analyses/cells.hpp"
+
+namespace tacho {
+namespace {
+
+constexpr std::size_t kTop = 10;
+
+struct Span {
+  double mid = 0.0, lo = 0.0, hi = 0.0;
+};
+
+/// Active time inside the record. The end of an open alarm and the start of one that stood already are the record's.
+Span active_s(const AlarmInterval& a, Micros record_from_us) {
+  const auto s = [](Micros us) { return std::max(0.0, static_cast<double>(us) * 1e-6); };
+  const Micros onset_lo = std::max(a.onset_lo_us.value_or(a.onset_hi_us), std::min(record_from_us, a.onset_hi_us));
+  const Micros onset_hi = std::max(a.onset_hi_us, std::min(record_from_us, a.clear_lo_us));
+  const Micros clear_hi = a.clear_hi_us.value_or(a.clear_lo_us);
+  return {s(a.clear_mid_us() - (onset_lo + (onset_hi - onset_lo) / 2)), s(a.clear_lo_us - onset_hi),
+          s(clear_hi - onset_lo)};
+}
+
+struct CodeSum {
+  AlarmKey key;
+  std::string desc;
+  std::int64_t raises = 0, listed = 0, repeats = 0, robots = 0;
+  Span active;
+  double stopped_s = 0.0, stopped_first_s = 0.0;
+  double hours = 0.0, km = 0.0;
+  Lasting fleeting, stale;
+  bool censored_set = false;
+};
+
+/// The intervals of one key of one robot, added to a sum.
+void add(CodeSum& sum, const RobotAlarms& robot, const AlarmRules& rules) {
+  std::vector<AlarmInterval> mine;
+  for (const AlarmInterval& a : robot.intervals()) {
+    if (a.key == sum.key) {
+      mine.push_back(a);
+    }
+  }
+  for (const AlarmInterval& a : mine) {
+    const Span active = active_s(a, robot.exposure.first_us);
+    sum.raises += a.counts() ? 1 : 0;
+    sum.repeats += a.repeats;
+    sum.active.mid += active.mid;
+    sum.active.lo += active.lo;
+    sum.active.hi += active.hi;
+    sum.stopped_s += a.stopped_s;
+    sum.stopped_first_s += a.stopped_first_s;
+    sum.censored_set = sum.censored_set || a.censored_set;
+  }
+  const Lasting brief = fleeting(mine, rules.fleeting_s);
+  const Lasting old = stale(mine, rules.stale_s);
+  sum.fleeting.sure += brief.sure;
+  sum.fleeting.possible += brief.possible;
+  sum.stale.sure += old.sure;
+  sum.stale.possible += old.possible;
+  sum.listed += static_cast<std::int64_t>(mine.size());
+  sum.robots += mine.empty() ? 0 : 1;
+  const auto words = robot.words.find(sum.key);
+  if (words != robot.words.end() && !words->second.desc.empty()) {
+    sum.desc = words->second.desc;
+  }
+}
+
+std::set<AlarmKey> keys_of(const RobotAlarms& robot) {
+  std::set<AlarmKey> keys;
+  for (const AlarmInterval& a : robot.intervals()) {
+    keys.insert(a.key);
+  }
+  return keys;
+}
+
+/// Exposure of all robots whose log can show this level: a robot on which a code never came counts too.
+std::vector<CodeSum> by_code(const AlarmData& data) {
+  std::set<AlarmKey> keys;
+  for (const RobotAlarms& robot : data.robots) {
+    keys.merge(keys_of(robot));
+  }
+  std::vector<CodeSum> out;
+  for (const AlarmKey& key : keys) {
+    CodeSum sum;
+    sum.key = key;
+    for (const RobotAlarms& robot : data.robots) {
+      add(sum, robot, data.rules);
+      sum.hours += robot.exposure.level_s[static_cast<std::size_t>(key.level)] / 3'600.0;
+      sum.km += robot.exposure.km;
+    }
+    out.push_back(std::move(sum));
+  }
+  std::stable_sort(out.begin(), out.end(), [](const CodeSum& a, const CodeSum& b) { return a.raises > b.raises; });
+  return out;
+}
+
+std::vector<ColumnSpec> code_columns() {
+  return {{"level", "", "Level of the alarm array"},
+          {"code", "", "Alarm code"},
+          {"description", "", "The robot's last words for it"},
+          {"raises", "", "Raised while observed"},
+          {"listed", "", "With those in gaps and at the start"},
+          {"repeats", "", "Growth of `times` while standing"},
+          {"robots", "", "Robots that had it"},
+          {"share", "1", "Of all raises"},
+          {"per_hour", "1/h", "Raises per robot hour", true},
+          {"per_100km", "1/100km", "Raises per 100 km", true},
+          {"active", "s", "Time it stood inside the record", true},
+          {"stopped_s", "s", "Task running and not moving while it stood; simultaneous alarms share equally"},
+          {"stopped_first_s", "s", "The same, all of it to the alarm that stood first"},
+          {"fleeting_sure", "", "Surely fleeting"},
+          {"fleeting_possible", "", "Possibly fleeting"},
+          {"stale_sure", "", "Surely stale"},
+          {"censored_set", "", "Seen in a full register set: bounds only"}};
+}
+
+std::vector<Value> code_cells(const CodeSum& c, double all_raises, bool has_odo) {
+  return {std::string(alarm_level_name(c.key.level)),
+          c.key.code,
+          cells::text(c.desc, "not given"),
+          c.raises,
+          c.listed,
+          c.repeats,
+          c.robots,
+          all_raises > 0.0 ? Value(static_cast<double>(c.raises) / all_raises) : Value(Missing{"no raises"}),
+          cells::rate(static_cast<double>(c.raises), c.hours, 1.0, "1/h"),
+          has_odo ? cells::rate(static_cast<double>(c.raises), c.km, 100.0, "1/100km")
+                  : cells::missing("1/100km", "the odometer is not in the log"),
+          cells::bounded(c.active.mid, c.active.lo, c.active.hi, "s"),
+          c.stopped_s,
+          c.stopped_first_s,
+          c.fleeting.sure,
+          c.fleeting.possible,
+          c.stale.sure,
+          c.censored_set};
+}
+
+DataTable code_table(const AlarmData& data, const std::vector<CodeSum>& codes) {
+  DataTable table;
+  table.name = "by_code";
+  table.title = "Alarms by code, all robots";
+  table.columns = code_columns();
+  const AlarmScope& all = data.scopes.front();
+  for (const CodeSum& c : codes) {
+    table.rows.push_back(code_cells(c, static_cast<double>(all.raises.size()), all.has_odo));
+  }
+  return table;
+}
+
+DataTable robot_code_table(const AlarmData& data) {
+  DataTable table;
+  table.name = "by_robot_code";
+  table.title = "Alarms by robot and code";
+  table.detail = true;
+  table.columns = code_columns();
+  table.columns.insert(table.columns.begin(), {"robot", "", "Robot"});
+  for (const RobotAlarms& robot : data.robots) {
+    double raises = 0.0;
+    for (const AlarmInterval& a : robot.intervals()) {
+      raises += a.counts() ? 1.0 : 0.0;
+    }
+    for (const AlarmKey& key : keys_of(robot)) {
+      CodeSum sum;
+      sum.key = key;
+      add(sum, robot, data.rules);
+      sum.hours = robot.exposure.level_s[static_cast<std::size_t>(key.level)] / 3'600.0;
+      sum.km = robot.exposure.km;
+      std::vector<Value> row = code_cells(sum, raises, robot.exposure.has_odo);
+      row.insert(row.begin(), Value(robot.name));
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
+struct ParetoOf {
+  const char* name;
+  const char* title;
+  const char* unit;
+  double (*value)(const CodeSum&);
+};
+
+DataTable pareto(const ParetoOf& of, std::vector<CodeSum> codes) {
+  DataTable table;
+  table.name = of.name;
+  table.title = of.title;
+  table.columns = {{"rank", "", "Place"},
+                   {"level", "", "Level of the alarm array"},
+                   {"code", "", "Alarm code"},
+                   {"description", "", "The robot's last words for it"},
+                   {"value", of.unit, "What is ranked"},
+                   {"share", "1", "Of the sum over all codes"},
+                   {"cumulative_share", "1", "Of this and the places before"}};
+  std::stable_sort(codes.begin(), codes.end(),
+                   [&](const CodeSum& a, const CodeSum& b) { return of.value(a) > of.value(b); });
+  double sum = 0.0;
+  for (const CodeSum& c : codes) {
+    sum += of.value(c);
+  }
+  double so_far = 0.0;
+  for (std::size_t i = 0; i < std::min(kTop, codes.size()) && of.value(codes[i]) > 0.0; ++i) {
+    const double value = of.value(codes[i]);
+    so_far += value;
+    table.rows.push_back({static_cast<std::int64_t>(i + 1), std::string(alarm_level_name(codes[i].key.level)),
+                          codes[i].key.code, cells::text(codes[i].desc, "not given"), value, value / sum,
+                          so_far / sum});
+  }
+  return table;
+}
+
+}  // namespace
+
+void add_alarm_code_tables(const AlarmData& data, Section& section) {
+  const std::vector<CodeSum> codes = by_code(data);
+  section.tables.push_back(code_table(data, codes));
+  const ParetoOf all[] = {
+      {"pareto_count", "Top codes by count", "", [](const CodeSum& c) { return static_cast<double>(c.raises); }},
+      {"pareto_active", "Top codes by active time", "s", [](const CodeSum& c) { return c.active.mid; }},
+      {"pareto_stopped", "Top codes by stopped time attributed", "s", [](const CodeSum& c) { return c.stopped_s; }}};
+  for (const ParetoOf& of : all) {
+    section.tables.push_back(pareto(of, codes));
+  }
+  section.tables.push_back(robot_code_table(data));
+}
+
+}  // namespace tacho
