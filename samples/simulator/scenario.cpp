@@ -1,5 +1,7 @@
 #include "samples/simulator/scenario.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -168,7 +170,7 @@ template <class Object>
 void read_list(const Place& place, const Json& json, std::vector<Object>& out) {
   expect(json.is_array(), place, json, "an array of objects");
   for (std::size_t i = 0; i < json.size(); ++i) {
-    read_object(Place{place.file, place.key + "[" + std::to_string(i) + "]"}, json[i], out.emplace_back());
+    read_object(Place{place.file, fmt::format("{}[{}]", place.key, i)}, json[i], out.emplace_back());
   }
 }
 
@@ -250,7 +252,7 @@ std::vector<Scenario> load_scenarios(const std::filesystem::path& file) {
   std::vector<Scenario> scenarios;
   const bool many = json.is_array();
   for (std::size_t i = 0; i < (many ? json.size() : 1); ++i) {
-    const Place place{file.string(), many ? "[" + std::to_string(i) + "]" : ""};
+    const Place place{file.string(), many ? fmt::format("[{}]", i) : ""};
     Scenario& scenario = scenarios.emplace_back();
     read_object(place, many ? json[i] : json, scenario);
     check(place, scenario);

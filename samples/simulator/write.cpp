@@ -16,7 +16,6 @@ namespace tacho::sim {
 namespace {
 
 constexpr Micros kDay = 86'400'000'000;
-constexpr Micros kHour = kDay / 24;
 constexpr std::uint64_t kAnswersPerCommit = 5'000;
 constexpr std::uint64_t kJitter = 201;  // noise channel
 
@@ -55,7 +54,8 @@ class LogMaker {
   LogMaker(const std::vector<Scenario>& scenarios, const WriteOptions& options, const std::filesystem::path& folder)
       : options_(options), end_us_(options.t0_us + options.duration_us), writer_(folder, writer_options()) {
     store_session();
-    ingest_ = std::make_unique<Ingest>(writer_);
+    // The simulated host's monotonic clock starts at 0 with the log.
+    ingest_ = std::make_unique<Ingest>(writer_, [t0 = options.t0_us] { return t0; });
     for (const Scenario& scenario : scenarios) {
       add_robot(scenario);
     }
@@ -73,7 +73,6 @@ class LogMaker {
   std::vector<Schedule> schedules_;
   std::priority_queue<Poll, std::vector<Poll>, std::greater<>> polls_;
   std::uint64_t uncommitted_ = 0;
-  Micros next_clock_us_ = 0;
   Micros day_end_us_ = 0;
 
   static store::WriterOptions writer_options() {
@@ -100,7 +99,6 @@ void LogMaker::store_session() {
   session.config = "simulated";
   session.host = "simulated";
   session_ = writer_.begin_session(session);
-  next_clock_us_ = options_.t0_us;
   day_end_us_ = (options_.t0_us / kDay + 1) * kDay;
 }
 
@@ -266,16 +264,8 @@ void LogMaker::close_gap(Schedule& schedule, Micros first_good_us) {
   schedule.open.reset();
 }
 
-// Clock points every hour, commits every few thousand answers and before a new day, so that a part holds one day.
+// Commits every few thousand answers and before a new day, so that a part holds one day.
 void LogMaker::housekeeping(Micros now_us) {
-  if (now_us >= next_clock_us_) {
-    ClockPoint point;
-    point.session = session_;
-    point.wall_us = now_us;
-    point.mono_us = now_us - options_.t0_us;
-    writer_.add(point);
-    next_clock_us_ += kHour;
-  }
   if (uncommitted_ >= kAnswersPerCommit || now_us >= day_end_us_) {
     writer_.commit();
     uncommitted_ = 0;
