@@ -22,7 +22,8 @@ using Decode =
 
 class LogReader final : public RowSource {
  public:
-  /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different logs.
+  /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different
+  /// logs.
   LogReader(std::span<const std::filesystem::path> logs, Decode decode);
   ~LogReader() override;
 
@@ -34,8 +35,7 @@ class LogReader final : public RowSource {
   [[nodiscard]] std::vector<ReadProblem> problems() const override;
   void read(RobotId robot, Window window, const Selection& selection,
             const std::function<void(const Slice&)>& yield) override;
-  void read_raw(RobotId robot, Source source, Window window,
-                const std::function<void(const Answer&)>& yield) override;
+  void read_raw(RobotId robot, Source source, Window window, const std::function<void(const Answer&)>& yield) override;
 
   struct PartInfo {
     std::filesystem::path path;

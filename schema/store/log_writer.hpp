@@ -4,6 +4,9 @@
 //
 // Thread rule: one thread. Everything appended since the last commit() is lost by a kill, and becomes a gap row with
 // cause recorder_killed when the log is opened again.
+//
+// When the disk fails, the call throws Error and everything since the last commit() is lost; the writer can be used on. The
+// polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report them.
 
 #include <chrono>
 #include <cstdint>
@@ -23,7 +26,7 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
   int zstd_level = 3;
-  bool durable = true;                    ///< synchronous FULL; false only for generated logs that can be made again
+  bool durable = true;  ///< synchronous FULL; false only for generated logs that can be made again
 };
 
 class LogWriter {
@@ -46,10 +49,12 @@ class LogWriter {
   /// Declares a stream of this session. When an earlier session recorded the same stream, a recorder_off gap covers the
   /// time from its last row to this session's start.
   void declare(const Stream& stream);
-  /// Polls the schedule has asked for so far; kept in memory, written by commit() at a part's end and end_session().
+  /// Polls the schedule has asked for so far; kept in memory, written by end_session(). Without it: the number after the
+  /// last stored or missed poll.
   void planned(RobotId robot, Source source, std::uint64_t count);
   void set_word_order(RobotId robot, Source source, WordOrder order);
 
+  /// Answers of a stream come with growing seq.
   void append(const Answer& answer);
   /// Fields of one answer that were not absent, and its unknown keys and decodability; feeds Coverage and UnknownKey.
   void note(const Sample& sample);

@@ -1,0 +1,69 @@
+#include "schema/store/checksum.hpp"
+
+#include <array>
+#include <cstddef>
+
+namespace tacho::store {
+
+namespace {
+
+constexpr std::uint32_t kPolynomial = 0x82F63B78U;
+constexpr std::size_t kSlices = 8;
+using Tables = std::array<std::array<std::uint32_t, 256>, kSlices>;
+
+// Slicing by 8: table k advances a byte over k further zero bytes.
+constexpr Tables make_tables() {
+  Tables tables{};
+  for (std::uint32_t byte = 0; byte < 256; ++byte) {
+    std::uint32_t crc = byte;
+    for (int bit = 0; bit < 8; ++bit) {
+      crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? kPolynomial : 0U);
+    }
+    tables[0][byte] = crc;
+  }
+  for (std::size_t k = 1; k < kSlices; ++k) {
+    for (std::size_t byte = 0; byte < 256; ++byte) {
+      tables[k][byte] = (tables[k - 1][byte] >> 8U) ^ tables[0][tables[k - 1][byte] & 0xFFU];
+    }
+  }
+  return tables;
+}
+
+constexpr Tables kTables = make_tables();
+
+constexpr std::uint32_t byte_at(std::uint64_t word, unsigned index) {
+  return static_cast<std::uint32_t>(word >> (8U * index)) & 0xFFU;
+}
+
+std::uint32_t advance(std::uint32_t crc, std::uint64_t word) {
+  word ^= crc;
+  std::uint32_t next = 0;
+  for (unsigned i = 0; i < kSlices; ++i) {
+    next ^= kTables[kSlices - 1 - i][byte_at(word, i)];
+  }
+  return next;
+}
+
+}  // namespace
+
+Checksum& Checksum::add(std::int64_t value) {
+  state_ = advance(state_, static_cast<std::uint64_t>(value));
+  return *this;
+}
+
+Checksum& Checksum::add_bytes(std::string_view bytes) {
+  while (bytes.size() >= kSlices) {
+    std::uint64_t word = 0;
+    for (unsigned i = 0; i < kSlices; ++i) {
+      word |= std::uint64_t{static_cast<unsigned char>(bytes[i])} << (8U * i);
+    }
+    state_ = advance(state_, word);
+    bytes.remove_prefix(kSlices);
+  }
+  for (const char c : bytes) {
+    state_ = (state_ >> 8U) ^ kTables[0][(state_ ^ static_cast<unsigned char>(c)) & 0xFFU];
+  }
+  return *this;
+}
+
+}  // namespace tacho::store

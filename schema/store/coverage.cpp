@@ -1,0 +1,81 @@
+#include "schema/store/coverage.hpp"
+
+#include <algorithm>
+
+#include "schema/store/schema_sql.hpp"
+
+namespace tacho::store {
+
+void StreamCount::add(const AnswerMeta& meta, std::uint64_t length) {
+  first_us = stored == 0 ? meta.t_send_us : std::min(first_us, meta.t_send_us);
+  last_us = stored == 0 ? meta.t_send_us : std::max(last_us, meta.t_send_us);
+  ++stored;
+  bytes += length;
+  next_seq = std::max(next_seq, meta.seq + 1);
+}
+
+void write(Statement& replace, const StreamKey& key, const StreamCount& c) {
+  const std::string seen = pack_seen(c.seen);
+  replace.run(key.session, key.robot, source_name(key.source), c.stored, c.bytes, c.undecodable, c.first_us, c.last_us,
+              c.next_seq, Statement::Blob{seen});
+}
+
+GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad) {
+  GapCounts counts;
+  Statement row(connection, select_sql("gap"));
+  while (row.step()) {
+    const std::optional<Gap> gap = read_gap(row);
+    if (!gap) {
+      ++bad;
+      continue;
+    }
+    GapCount& count = counts[{gap->session, gap->robot, gap->source}];
+    if (gap->partial) {
+      count.partial += gap->seq_count;
+    } else {
+      count.missed += gap->seq_count;
+      count.next_seq = std::max(count.next_seq, gap->seq_count == 0 ? 0 : gap->seq_from + gap->seq_count);
+    }
+  }
+  return counts;
+}
+
+StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabulary) {
+  StreamCounts counts;
+  Statement row(connection, select_sql("coverage"));
+  while (row.step()) {
+    StreamKey key{static_cast<SessionId>(row.integer(0)), static_cast<RobotId>(row.integer(1)), Source::status};
+    if (!parse_source(row.bytes(2), key.source)) {
+      continue;
+    }
+    StreamCount& c = counts[key];
+    c.stored = static_cast<std::uint64_t>(row.integer(3));
+    c.bytes = static_cast<std::uint64_t>(row.integer(4));
+    c.undecodable = static_cast<std::uint64_t>(row.integer(5));
+    c.first_us = row.integer(6);
+    c.last_us = row.integer(7);
+    c.next_seq = static_cast<std::uint64_t>(row.integer(8));
+    c.seen = unpack_seen(row.bytes(9), vocabulary);
+  }
+  return counts;
+}
+
+void add_hot_rows(Connection& connection, const Vocabulary& vocabulary, std::int64_t after, StreamCounts& counts) {
+  Statement row(connection, "SELECT session, robot, source, seq, t_send_us, length FROM hot WHERE id > ?1 ORDER BY id");
+  row.query(after);
+  while (row.step()) {
+    const std::int64_t number = row.integer(2);
+    if (number < 0 || number > 255 || !vocabulary.source[static_cast<std::size_t>(number)]) {
+      continue;
+    }
+    AnswerMeta meta;
+    meta.session = static_cast<SessionId>(row.integer(0));
+    meta.robot = static_cast<RobotId>(row.integer(1));
+    meta.source = *vocabulary.source[static_cast<std::size_t>(number)];
+    meta.seq = static_cast<std::uint64_t>(row.integer(3));
+    meta.t_send_us = row.integer(4);
+    counts[{meta.session, meta.robot, meta.source}].add(meta, static_cast<std::uint64_t>(row.integer(5)));
+  }
+}
+
+}  // namespace tacho::store

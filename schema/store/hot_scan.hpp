@@ -1,0 +1,73 @@
+#pragma once
+// Reads the hot rows of a part in order of arrival, past damage.
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "schema/store/hot_codec.hpp"
+#include "schema/store/rows.hpp"
+#include "schema/store/sqlite.hpp"
+
+namespace tacho::store {
+
+/// Steps through rows whose checksums are right. Works in short read transactions, so that a long analysis never keeps
+/// a recorder from shortening its WAL.
+class HotScan {
+ public:
+  /// Told of damage: rows between two ids (exclusive), or one row, and why.
+  using Lost = std::function<void(std::int64_t after, std::int64_t before, const std::string& why)>;
+
+  HotScan(Connection& connection, const Vocabulary& vocabulary, std::int64_t last_id, Lost lost);
+  /// The next row, or null at the end. Valid until the next call.
+  const HotRow* next();
+
+ private:
+  const Vocabulary* vocabulary_;
+  std::int64_t end_;
+  Lost lost_;
+  Statement batch_;
+  Statement probe_;
+  std::int64_t last_ = 0;
+  std::int64_t batch_start_ = 0;
+  std::int64_t tried_ = 0;
+  std::int64_t reported_ = 0;
+  int in_batch_ = 0;
+  bool open_ = false;
+  HotRow row_;
+
+  bool advance();
+  std::int64_t probe(std::int64_t from);
+  std::int64_t readable_after(std::int64_t id);
+  void report(std::int64_t before, const std::string& why);
+  bool skip_damage(const std::string& why);
+};
+
+/// Gives bodies back, following bases. Keeps the last body of each stream; fetches older rows when the chain was not
+/// read from its keyframe on.
+class BodyChain {
+ public:
+  BodyChain(Connection& connection, const Vocabulary& vocabulary);
+
+  /// The body, or null when this row or one it is based on is damaged. Valid until the next call.
+  const std::string* body(const HotRow& row);
+
+ private:
+  struct Last {
+    std::int64_t id = 0;  ///< row `body` belongs to; 0: none
+    std::int64_t broken = 0;
+    std::string body;
+    std::string next;
+  };
+  const Vocabulary* vocabulary_;
+  Statement fetch_;
+  HotDecoder decoder_;
+  std::map<std::pair<RobotId, std::int64_t>, Last> streams_;
+
+  bool walk_to(std::int64_t base, Last& last);
+  bool decode(std::string_view stored, std::uint64_t length, std::int64_t id, std::int64_t base, Last& last);
+};
+
+}  // namespace tacho::store

@@ -1,0 +1,386 @@
+#include "schema/store/log_reader.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "schema/store/part_head.hpp"
+#include "schema/store/part_reader.hpp"
+#include "schema/store/slicer.hpp"
+
+namespace tacho::store {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Every file that may be a part, each once: the *.db files of a folder, or the file itself.
+std::vector<fs::path> candidates(std::span<const fs::path> logs) {
+  std::vector<fs::path> files;
+  for (const fs::path& log : logs) {
+    std::error_code error;
+    if (!fs::exists(log, error)) {
+      throw Error(log.string(), error ? error.message() : "does not exist",
+                  "give the folder of a log, or a part of one");
+    }
+    if (!fs::is_directory(log)) {
+      files.push_back(fs::canonical(log));
+      continue;
+    }
+    fs::directory_iterator entries(log, error);
+    if (error) {
+      throw Error(log.string(), error.message(), "check that this user may read the folder");
+    }
+    for (const auto& entry : entries) {
+      const std::string name = entry.path().filename().string();
+      if (entry.is_regular_file() && entry.path().extension() == ".db" && name.front() != '.') {
+        files.push_back(fs::canonical(entry.path()));
+      }
+    }
+  }
+  std::sort(files.begin(), files.end());
+  files.erase(std::unique(files.begin(), files.end()), files.end());
+  return files;
+}
+
+std::string joined(std::span<const fs::path> paths) {
+  std::string out;
+  for (const fs::path& path : paths) {
+    out += (out.empty() ? "" : ", ") + path.string();
+  }
+  return out;
+}
+
+}  // namespace
+
+struct LogReader::Impl {
+  Decode decode;
+  std::vector<PartHead> parts;  // by number
+  std::vector<ReadProblem> problems;
+  std::set<std::pair<std::string, std::string>> told;
+  std::map<RobotId, Robot> robots;
+  std::map<SessionId, Session> sessions;
+  std::map<StreamKey, Stream> streams;
+  std::map<StreamKey, std::uint64_t> first_seq;  // of the earliest part that is here
+  std::map<StreamKey, std::uint64_t> next_seq;   // after stored answers and gaps
+  std::vector<Coverage> coverage;
+
+  void problem(const std::string& where, const std::string& what) {
+    if (told.emplace(where, what).second) {
+      problems.push_back({where, what});
+    }
+  }
+
+  void open(std::span<const fs::path> logs);
+  void add_part(const fs::path& path);
+  void drop_copies();
+  void merge_heads();
+  void merge_coverage();
+  PartReader reader(const PartHead& head);
+
+  template <class Use>
+  void each_part(Use use);
+  const Stream& stream_of(const AnswerMeta& meta);
+};
+
+void LogReader::Impl::open(std::span<const fs::path> logs) {
+  for (const fs::path& path : candidates(logs)) {
+    add_part(path);
+  }
+  if (parts.empty()) {
+    const std::string cause =
+        problems.empty() ? "there is no part of a log here" : problems.front().where + " " + problems.front().what;
+    throw Error(joined(logs), cause, "give the folder that tacho-recorder wrote, or a part-*.db file of it");
+  }
+  std::sort(parts.begin(), parts.end(), [](const PartHead& a, const PartHead& b) {
+    return std::tie(a.row.number, a.path) < std::tie(b.row.number, b.path);
+  });
+  for (const PartHead& head : parts) {
+    if (head.row.log != parts.front().row.log) {
+      throw Error(joined(logs),
+                  fmt::format("{} and {} are parts of different logs", parts.front().path.string(), head.path.string()),
+                  "read one log at a time");
+    }
+  }
+  drop_copies();
+  merge_heads();
+  merge_coverage();
+}
+
+void LogReader::Impl::add_part(const fs::path& path) {
+  try {
+    parts.push_back(read_head(path));
+    for (const std::string& damage : parts.back().damage) {
+      problem(path.string(), damage + "; what can be read is used");
+    }
+  } catch (const NewerPart&) {
+    throw;
+  } catch (const Error& error) {
+    std::string what = error.what();
+    if (const std::string name = path.string() + ": "; what.rfind(name, 0) == 0) {
+      what.erase(0, name.size());
+    }
+    problem(path.string(), what + "; skipped");
+  }
+}
+
+void LogReader::Impl::drop_copies() {
+  const auto same_part = [&](const PartHead& a, const PartHead& b) {
+    if (a.row.number != b.row.number) {
+      return false;
+    }
+    problem(b.path.string(), "is a copy of " + a.path.string() + "; skipped");
+    return true;
+  };
+  parts.erase(std::unique(parts.begin(), parts.end(), same_part), parts.end());
+}
+
+void LogReader::Impl::merge_heads() {
+  for (const PartHead& head : parts) {
+    for (const Robot& robot : head.robots) {
+      robots[robot.id] = robot;
+    }
+    for (const Session& session : head.sessions) {
+      Session& known = sessions[session.id];
+      if (known.t_end_us == 0) {
+        known = session;
+      }
+    }
+    for (const StreamRow& row : head.streams) {
+      const StreamKey key{row.stream.session, row.stream.robot, row.stream.source};
+      first_seq.try_emplace(key, row.seq_from);
+      Stream& known = streams[key];
+      const std::optional<std::uint64_t> planned = row.stream.planned ? row.stream.planned : known.planned;
+      known = row.stream;
+      known.planned = planned;
+    }
+  }
+}
+
+PartReader LogReader::Impl::reader(const PartHead& head) {
+  return PartReader(head, [this, &head](const std::string& what) { problem(head.path.string(), what); });
+}
+
+/// Runs `use` with a reader of each part. A part that has gone or broken since it was opened is named and left out.
+template <class Use>
+void LogReader::Impl::each_part(Use use) {
+  for (const PartHead& head : parts) {
+    try {
+      PartReader part = reader(head);
+      use(part, head);
+    } catch (const SqliteError& error) {
+      problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
+    }
+  }
+}
+
+void LogReader::Impl::merge_coverage() {
+  std::map<std::pair<RobotId, Source>, Coverage> sums;
+  for (const PartHead& head : parts) {
+    for (const auto& [key, count] : head.counts) {
+      Coverage& sum = sums[{key.robot, key.source}];
+      if (count.stored == 0) {
+        continue;
+      }
+      sum.first_us = sum.stored == 0 ? count.first_us : std::min(sum.first_us, count.first_us);
+      sum.last_us = sum.stored == 0 ? count.last_us : std::max(sum.last_us, count.last_us);
+      sum.stored += count.stored;
+      sum.bytes += count.bytes;
+      sum.undecodable += count.undecodable;
+      sum.seen |= count.seen;
+      next_seq[key] = std::max(next_seq[key], count.next_seq);
+    }
+    for (const auto& [key, count] : head.gaps) {
+      Coverage& sum = sums[{key.robot, key.source}];
+      sum.missed += count.missed;
+      sum.partial += count.partial;
+      next_seq[key] = std::max(next_seq[key], count.next_seq);
+    }
+  }
+  for (const auto& [key, stream] : streams) {
+    Coverage& sum = sums[{key.robot, key.source}];
+    sum.period_us = stream.period_us;
+    const std::uint64_t end = stream.planned.value_or(next_seq[key]);
+    sum.planned += end - std::min(end, first_seq[key]);
+  }
+  for (auto& [key, sum] : sums) {
+    std::tie(sum.robot, sum.source) = key;
+    coverage.push_back(sum);
+  }
+}
+
+/// A stream whose row is damaged is read with the defaults.
+const Stream& LogReader::Impl::stream_of(const AnswerMeta& meta) {
+  const auto [found, added] = streams.try_emplace({meta.session, meta.robot, meta.source});
+  if (added) {
+    found->second.session = meta.session;
+    found->second.robot = meta.robot;
+    found->second.source = meta.source;
+  }
+  return found->second;
+}
+
+LogReader::LogReader(std::span<const fs::path> logs, Decode decode) : impl_(std::make_unique<Impl>()) {
+  impl_->decode = std::move(decode);
+  impl_->open(logs);
+}
+
+LogReader::~LogReader() = default;
+
+std::vector<Robot> LogReader::robots() const {
+  std::vector<Robot> out;
+  for (const auto& [id, robot] : impl_->robots) {
+    out.push_back(robot);
+  }
+  return out;
+}
+
+std::vector<Session> LogReader::sessions() const {
+  std::vector<Session> out;
+  for (const auto& [id, session] : impl_->sessions) {
+    out.push_back(session);
+  }
+  return out;
+}
+
+std::vector<Stream> LogReader::streams() const {
+  std::vector<Stream> out;
+  for (const auto& [key, stream] : impl_->streams) {
+    out.push_back(stream);
+  }
+  return out;
+}
+
+std::vector<Coverage> LogReader::coverage() const { return impl_->coverage; }
+
+std::vector<UnknownKey> LogReader::unknown_keys() const {
+  std::map<std::tuple<RobotId, Source, std::string>, Micros> first;
+  for (const PartHead& head : impl_->parts) {
+    for (const UnknownKey& key : head.unknown_keys) {
+      const auto [known, added] = first.try_emplace({key.robot, key.source, key.key}, key.first_us);
+      known->second = std::min(known->second, key.first_us);
+    }
+  }
+  std::vector<UnknownKey> out;
+  for (const auto& [key, first_us] : first) {
+    out.push_back({std::get<0>(key), std::get<1>(key), std::get<2>(key), first_us});
+  }
+  return out;
+}
+
+std::vector<ReadProblem> LogReader::problems() const { return impl_->problems; }
+
+std::vector<LogReader::PartInfo> LogReader::parts() const {
+  std::vector<PartInfo> out;
+  for (const PartHead& head : impl_->parts) {
+    PartInfo info{head.path, head.row.number, head.file_bytes, head.row.closed && head.checkpointed, 0, 0};
+    bool any = false;
+    for (const auto& [key, count] : head.counts) {
+      if (count.stored > 0) {
+        info.first_us = any ? std::min(info.first_us, count.first_us) : count.first_us;
+        info.last_us = any ? std::max(info.last_us, count.last_us) : count.last_us;
+        any = true;
+      }
+    }
+    out.push_back(info);
+  }
+  return out;
+}
+
+namespace {
+
+/// Keeps rows in order and unique, whatever a damaged or doctored file holds.
+class OrderGuard {
+ public:
+  bool accepts(const AnswerMeta& meta) {
+    auto& last = last_[static_cast<std::size_t>(meta.source)];
+    const std::pair<SessionId, std::uint64_t> place{meta.session, meta.seq + 1};
+    if (place <= last) {
+      return false;
+    }
+    last = place;
+    return true;
+  }
+
+ private:
+  std::array<std::pair<SessionId, std::uint64_t>, kSourceCount> last_{};
+};
+
+constexpr const char* kOutOfOrder = "answers that repeat or go back in order are left out";
+
+/// Registers' own answers do not hold the flags that their conditions name; the inputs do, asked for or not.
+FieldSet flags_from_inputs(const Selection& selection) {
+  const FieldSet& registers = selection.fields[static_cast<std::size_t>(Source::registers)];
+  FieldSet flags;
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    const FieldIndex flag = kFields[i].condition.empty() ? kNoField : find_field(kFields[i].condition);
+    if (registers[i] && flag != kNoField && kFields[flag].reg.discrete) {
+      flags.set(flag);
+    }
+  }
+  return flags;
+}
+
+}  // namespace
+
+void LogReader::read(RobotId robot, Window window, const Selection& selection,
+                     const std::function<void(const Slice&)>& yield) {
+  std::array<FieldSet, kSourceCount> wanted = selection.fields;
+  const FieldSet flags = flags_from_inputs(selection);
+  wanted[static_cast<std::size_t>(Source::inputs)] |= flags;
+  PartReader::Query query{robot, selection.rows, window};
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    query.sources[s] = query.sources[s] || wanted[s].any();
+  }
+
+  Slicer slicer(robot, selection, yield);
+  OrderGuard order;
+  Gates gates;
+  Sample sample;
+  std::optional<SessionId> session;
+  const auto take = [&](const Answer& answer, const PartHead& head) {
+    if (!order.accepts(answer.meta)) {
+      impl_->problem(head.path.string(), kOutOfOrder);
+      return;
+    }
+    if (session != answer.meta.session) {
+      gates = Gates{};
+      session = answer.meta.session;
+    }
+    sample.meta = answer.meta;
+    impl_->decode(answer, impl_->stream_of(answer.meta), wanted[static_cast<std::size_t>(answer.meta.source)], gates,
+                  sample);
+    sample.meta = answer.meta;
+    slicer.add(sample);
+  };
+  impl_->each_part([&](PartReader& part, const PartHead& head) {
+    slicer.begin_part({part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)});
+    try {
+      part.answers(query, [&](const Answer& answer) { take(answer, head); });
+    } catch (const SqliteError& error) {
+      impl_->problem(head.path.string(), error.what());
+    }
+    slicer.end_part();
+  });
+}
+
+void LogReader::read_raw(RobotId robot, Source source, Window window, const std::function<void(const Answer&)>& yield) {
+  PartReader::Query query{robot, {}, window};
+  query.sources[static_cast<std::size_t>(source)] = true;
+  OrderGuard order;
+  impl_->each_part([&](PartReader& part, const PartHead& head) {
+    part.answers(query, [&](const Answer& answer) {
+      if (order.accepts(answer.meta)) {
+        yield(answer);
+      } else {
+        impl_->problem(head.path.string(), kOutOfOrder);
+      }
+    });
+  });
+}
+
+}  // namespace tacho::store

@@ -1,0 +1,49 @@
+#pragma once
+// A part: one SQLite file of a log. Names, creation, opening for writing, closing.
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "schema/store/sqlite.hpp"
+
+namespace tacho::store {
+
+/// The one row of the `part` table.
+struct PartRow {
+  std::string log;  ///< 32 hex digits, the same in all parts of a log
+  std::uint32_t number = 0;
+  std::string software;
+  bool closed = false;
+  std::int64_t counted_to = 0;
+};
+PartRow read_part_row(Connection& connection);
+
+/// A new identity for a log.
+std::string random_log_id();
+
+struct PartFile {
+  std::uint32_t number = 0;
+  std::filesystem::path path;
+};
+/// Files named part-000001.db and so on, by number.
+std::vector<PartFile> list_parts(const std::filesystem::path& folder);
+std::filesystem::path part_path(const std::filesystem::path& folder, std::uint32_t number);
+
+/// Creates the file with all tables, the vocabulary, the part row and what `fill` writes. It is made under a hidden
+/// name and renamed when it is complete and on disk, so that a part in the folder always has its head.
+std::filesystem::path create_part(const std::filesystem::path& folder, const PartRow& row,
+                                  const std::function<void(Connection&)>& fill);
+/// Removes what a kill inside create_part left behind. The folder must be locked.
+void remove_unfinished_parts(const std::filesystem::path& folder);
+
+/// WAL, own checkpoints; `durable` = synchronous FULL, else OFF.
+Connection open_part_for_writing(const std::filesystem::path& path, bool durable);
+
+/// Marks the part closed, checkpoints it and leaves journal_mode DELETE, so that it can be read from a read-only
+/// folder. False when a reader is in the way: try again later.
+bool close_part(Connection& connection);
+
+}  // namespace tacho::store

@@ -1,0 +1,58 @@
+#pragma once
+// Opening a part for reading, and everything of it that is not an answer, gap, event or clock point.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "schema/row_source.hpp"
+#include "schema/store/coverage.hpp"
+#include "schema/store/part.hpp"
+#include "schema/store/rows.hpp"
+#include "schema/store/sqlite.hpp"
+#include "schema/store/vocabulary.hpp"
+
+namespace tacho::store {
+
+/// Opens read-only, also a truncated file (SQLite itself refuses those) and a closed part in a read-only folder.
+/// Throws SqliteError.
+Connection open_part_for_reading(const std::filesystem::path& path);
+
+/// Throws Error when the file is not a part, or a part of a newer version of this program.
+class NotAPart : public Error {
+  using Error::Error;
+};
+class NewerPart : public Error {
+  using Error::Error;
+};
+
+/// Largest ids at the moment of opening: a reader stays below them, so that a log that grows reads as it was.
+struct PartEnds {
+  std::int64_t hot = 0;
+  std::int64_t gap = 0;
+  std::int64_t event = 0;
+  std::int64_t clock = 0;
+};
+
+struct PartHead {
+  std::filesystem::path path;
+  std::int64_t version = 0;  ///< user_version
+  PartRow row;
+  bool checkpointed = false;  ///< journal mode is no longer WAL
+  std::uint64_t file_bytes = 0;
+  std::vector<Robot> robots;
+  std::vector<Session> sessions;
+  std::vector<StreamRow> streams;
+  StreamCounts counts;  ///< exact, also after a kill
+  GapCounts gaps;
+  std::vector<UnknownKey> unknown_keys;
+  Vocabulary vocabulary;
+  PartEnds ends;
+  std::vector<std::string> damage;  ///< in words; empty for a whole part
+};
+
+/// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`.
+/// Throws NotAPart, NewerPart, or SqliteError when not even the start can be read.
+PartHead read_head(const std::filesystem::path& path);
+
+}  // namespace tacho::store

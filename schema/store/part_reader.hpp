@@ -1,0 +1,48 @@
+#pragma once
+// Answers, gaps, events and clock points of one robot in one part.
+
+#include <array>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "schema/row_source.hpp"
+#include "schema/store/part_head.hpp"
+#include "schema/store/sqlite.hpp"
+
+namespace tacho::store {
+
+class PartReader {
+ public:
+  /// Told of damage, in words.
+  using Report = std::function<void(const std::string&)>;
+
+  /// `head` must outlive the reader. Throws SqliteError.
+  PartReader(const PartHead& head, Report report);
+
+  struct Query {
+    RobotId robot = 0;
+    std::array<bool, kSourceCount> sources{};
+    Window window;
+  };
+  /// Yields the answers of the robot from all tiers of the part, in order of arrival. Bodies outside the window are not
+  /// decompressed, but for those since the last keyframe before it. This is the one place that knows the tiers.
+  void answers(const Query& query, const std::function<void(const Answer&)>& yield);
+
+  /// What the window touches; by session and time.
+  std::vector<Gap> gaps(RobotId robot, Window window);
+  std::vector<Event> events(RobotId robot, Window window);
+  /// Also points that belong to no robot.
+  std::vector<ClockPoint> clock(RobotId robot, Window window);
+
+ private:
+  const PartHead* head_;
+  Report report_;
+  Connection connection_;
+
+  void hot_answers(const Query& query, const std::function<void(const Answer&)>& yield);
+  template <class Row, class Read, class Keep>
+  std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);
+};
+
+}  // namespace tacho::store

@@ -1,0 +1,53 @@
+#pragma once
+// The parts of one log that is being written: which one is open, when the next one starts, how old ones are closed.
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "schema/store/lock.hpp"
+#include "schema/store/part_head.hpp"
+#include "schema/store/part_writer.hpp"
+
+namespace tacho::store {
+
+class PartSequence {
+ public:
+  /// Writes what every part carries: robots, the open session and its streams.
+  using Fill = std::function<void(Connection&)>;
+
+  /// Locks the folder, finds the newest part, ends sessions in it that were killed, and closes older parts that a kill
+  /// left open. Throws Error.
+  PartSequence(const std::filesystem::path& folder, bool durable);
+
+  /// The newest part that could be read, as it was found; empty in a new log.
+  [[nodiscard]] const std::optional<PartHead>& found() const { return found_; }
+  /// True when found() is the part that is written on. False: next() must be called first.
+  [[nodiscard]] bool has_current() const { return current_ != nullptr; }
+  PartWriter& current() { return *current_; }
+
+  /// Starts the next part and closes the one before. When this throws, the current part goes on.
+  void next(const Fill& fill);
+  /// Closes the current part.
+  void close();
+  /// Tries again to close parts that a reader held open.
+  void retry_closing();
+
+ private:
+  std::filesystem::path folder_;
+  bool durable_;
+  FolderLock lock_;
+  std::string log_;
+  std::uint32_t number_ = 0;
+  std::optional<PartHead> found_;
+  std::unique_ptr<PartWriter> current_;
+  std::vector<std::filesystem::path> open_;  // no longer written, not yet closed
+
+  void find_newest(const std::vector<PartFile>& files);
+};
+
+}  // namespace tacho::store

@@ -1,0 +1,61 @@
+#pragma once
+// The part that is being written: its connection and the statements the writer needs, prepared once.
+
+#include <filesystem>
+
+#include "schema/row_source.hpp"
+#include "schema/store/coverage.hpp"
+#include "schema/store/part.hpp"
+#include "schema/store/rows.hpp"
+#include "schema/store/sqlite.hpp"
+
+namespace tacho::store {
+
+class PartWriter {
+ public:
+  PartWriter(const std::filesystem::path& path, bool durable);
+  PartWriter(const PartWriter&) = delete;
+  PartWriter& operator=(const PartWriter&) = delete;
+
+  void begin() { begin_.run(); }
+  void commit() { commit_.run(); }
+  /// Never throws; without a transaction it does nothing.
+  void rollback() noexcept;
+  [[nodiscard]] bool in_transaction() const { return connection_.in_transaction(); }
+
+  void put(const Robot& robot) { write(robot_, robot); }
+  void put(const Session& session) { write(session_, session); }
+  void put(const StreamRow& stream) { write(stream_, stream); }
+  void put(const HotRow& row) { write(hot_, row); }
+  void put(const Gap& gap) { write(gap_, gap); }
+  void put(const Event& event) { write(event_, event); }
+  void put(const ClockPoint& point) { write(clock_, point); }
+  void put(const StreamKey& key, const StreamCount& count) { write(coverage_, key, count); }
+  void put(const UnknownKey& key);
+  void set_counted_to(std::int64_t id) { counted_to_.run(id); }
+  /// The end of the latest gap of a stream in sessions before `session`; 0 when there is none in this part.
+  Micros last_gap_end(RobotId robot, Source source, SessionId session);
+
+  /// Bytes of the database with what is still in the WAL.
+  std::uint64_t bytes();
+  Connection& connection() { return connection_; }
+
+ private:
+  Connection connection_;
+  Statement begin_;
+  Statement commit_;
+  Statement robot_;
+  Statement session_;
+  Statement stream_;
+  Statement hot_;
+  Statement gap_;
+  Statement event_;
+  Statement clock_;
+  Statement coverage_;
+  Statement unknown_key_;
+  Statement counted_to_;
+  Statement pages_;
+  std::uint64_t page_size_;
+};
+
+}  // namespace tacho::store

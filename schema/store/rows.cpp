@@ -1,0 +1,221 @@
+#include "schema/store/rows.hpp"
+
+#include "schema/store/checksum.hpp"
+
+namespace tacho::store {
+
+namespace {
+
+// Widened once here: ids of any width take part in a checksum as 64-bit numbers.
+template <class Number>
+std::int64_t wide(Number value) {
+  return static_cast<std::int64_t>(value);
+}
+
+std::int64_t checksum(const Gap& g) {
+  return Checksum()
+      .add(wide(g.robot))
+      .add(source_name(g.source))
+      .add(wide(g.session))
+      .add(wide(g.seq_from))
+      .add(wide(g.seq_count))
+      .add(g.t_from_us)
+      .add(g.t_to_us)
+      .add(cause_name(g.cause))
+      .add(wide(g.partial))
+      .add(std::string_view(g.detail))
+      .value();
+}
+
+std::int64_t checksum(const Event& e) {
+  return Checksum()
+      .add(wide(e.robot))
+      .add(source_name(e.source))
+      .add(wide(e.session))
+      .add(event_kind_name(e.kind))
+      .add(wide(e.seq))
+      .add(e.t_from_us)
+      .add(e.t_us)
+      .add(std::string_view(e.subject))
+      .add(std::string_view(e.old_value))
+      .add(std::string_view(e.new_value))
+      .add(std::string_view(e.detail))
+      .value();
+}
+
+std::int64_t checksum(const ClockPoint& c) {
+  return Checksum()
+      .add(wide(c.robot))
+      .add(wide(c.session))
+      .add(c.wall_us)
+      .add(c.mono_us)
+      .add(wide(c.robot_us.has_value()))
+      .add(c.robot_us.value_or(0))
+      .value();
+}
+
+}  // namespace
+
+std::int64_t checksum(const HotRow& row) {
+  return Checksum()
+      .add(row.id)
+      .add(row.source)
+      .add(wide(row.meta.robot))
+      .add(wide(row.meta.session))
+      .add(wide(row.meta.seq))
+      .add(row.meta.t_send_us)
+      .add(row.meta.t_recv_us)
+      .add(row.base)
+      .add(wide(row.length))
+      .add(row.header)
+      .add(row.body)
+      .value();
+}
+
+void write(Statement& insert, const Robot& r) {
+  insert.run(r.id, r.name, r.address, r.vehicle_id, r.mac, r.model_md5, r.firmware);
+}
+
+void write(Statement& insert, const Session& s) {
+  const std::optional<Micros> t_end = s.t_end_us == 0 ? std::nullopt : std::optional(s.t_end_us);
+  insert.run(s.id, s.t_start_us, t_end, s.clean, s.software, s.config, s.host);
+}
+
+void write(Statement& insert, const StreamRow& row) {
+  const Stream& s = row.stream;
+  insert.run(s.session, s.robot, source_name(s.source), s.period_us, word_order_name(s.word_order), s.request,
+             row.seq_from, s.planned);
+}
+
+void write(Statement& insert, const HotRow& row) {
+  const std::optional<std::int64_t> base = row.base == 0 ? std::nullopt : std::optional(row.base);
+  const std::optional<Statement::Blob> header =
+      row.header.empty() ? std::nullopt : std::optional(Statement::Blob{row.header});
+  insert.run(row.id, row.meta.robot, row.source, row.meta.session, row.meta.seq, row.meta.t_send_us,
+             row.meta.t_recv_us - row.meta.t_send_us, base, row.length, checksum(row), header,
+             Statement::Blob{row.body});
+}
+
+void write(Statement& insert, const Gap& g) {
+  insert.run(std::nullopt, g.robot, source_name(g.source), g.session, g.seq_from, g.seq_count, g.t_from_us, g.t_to_us,
+             cause_name(g.cause), g.partial, g.detail, checksum(g));
+}
+
+void write(Statement& insert, const Event& e) {
+  insert.run(std::nullopt, e.robot, source_name(e.source), e.session, event_kind_name(e.kind), e.seq, e.t_from_us,
+             e.t_us, e.subject, e.old_value, e.new_value, e.detail, checksum(e));
+}
+
+void write(Statement& insert, const ClockPoint& c) {
+  insert.run(std::nullopt, c.robot, c.session, c.wall_us, c.mono_us, c.robot_us, checksum(c));
+}
+
+Robot read_robot(const Statement& row) {
+  return {static_cast<RobotId>(row.integer(0)),
+          row.text(1),
+          row.text(2),
+          row.text(3),
+          row.text(4),
+          row.text(5),
+          row.text(6)};
+}
+
+Session read_session(const Statement& row) {
+  return {static_cast<SessionId>(row.integer(0)),
+          row.integer(1),
+          row.integer(2),
+          row.integer(3) != 0,
+          row.text(4),
+          row.text(5),
+          row.text(6)};
+}
+
+std::optional<StreamRow> read_stream(const Statement& row) {
+  StreamRow out;
+  Stream& s = out.stream;
+  s.session = static_cast<SessionId>(row.integer(0));
+  s.robot = static_cast<RobotId>(row.integer(1));
+  if (!parse_source(row.bytes(2), s.source) || !parse_word_order(row.bytes(4), s.word_order)) {
+    return std::nullopt;
+  }
+  s.period_us = row.integer(3);
+  s.request = row.text(5);
+  out.seq_from = static_cast<std::uint64_t>(row.integer(6));
+  if (!row.null(7)) {
+    s.planned = static_cast<std::uint64_t>(row.integer(7));
+  }
+  return out;
+}
+
+HotRow read_hot(const Statement& row, const Vocabulary& vocabulary) {
+  HotRow out;
+  out.id = row.integer(0);
+  out.meta.robot = static_cast<RobotId>(row.integer(1));
+  out.source = row.integer(2);
+  if (out.source >= 0 && out.source < 256) {
+    out.meta.source = vocabulary.source[static_cast<std::size_t>(out.source)].value_or(Source::status);
+  }
+  out.meta.session = static_cast<SessionId>(row.integer(3));
+  out.meta.seq = static_cast<std::uint64_t>(row.integer(4));
+  out.meta.t_send_us = row.integer(5);
+  // Unsigned, because a damaged row may hold anything; its checksum is looked at later.
+  out.meta.t_recv_us =
+      static_cast<Micros>(static_cast<std::uint64_t>(row.integer(5)) + static_cast<std::uint64_t>(row.integer(6)));
+  out.base = row.integer(7);
+  out.length = static_cast<std::uint64_t>(row.integer(8));
+  out.crc = row.integer(9);
+  out.header = row.bytes(10);
+  out.body = row.bytes(11);
+  return out;
+}
+
+std::optional<Gap> read_gap(const Statement& row) {
+  Gap g;
+  g.robot = static_cast<RobotId>(row.integer(1));
+  g.session = static_cast<SessionId>(row.integer(3));
+  g.seq_from = static_cast<std::uint64_t>(row.integer(4));
+  g.seq_count = static_cast<std::uint64_t>(row.integer(5));
+  g.t_from_us = row.integer(6);
+  g.t_to_us = row.integer(7);
+  const std::optional<Cause> cause = parse_cause(row.bytes(8));
+  g.partial = row.integer(9) != 0;
+  g.detail = row.text(10);
+  if (!cause || !parse_source(row.bytes(2), g.source)) {
+    return std::nullopt;
+  }
+  g.cause = *cause;
+  return checksum(g) == row.integer(11) ? std::optional(g) : std::nullopt;
+}
+
+std::optional<Event> read_event(const Statement& row) {
+  Event e;
+  e.robot = static_cast<RobotId>(row.integer(1));
+  e.session = static_cast<SessionId>(row.integer(3));
+  const std::optional<EventKind> kind = parse_event_kind(row.bytes(4));
+  e.seq = static_cast<std::uint64_t>(row.integer(5));
+  e.t_from_us = row.integer(6);
+  e.t_us = row.integer(7);
+  e.subject = row.text(8);
+  e.old_value = row.text(9);
+  e.new_value = row.text(10);
+  e.detail = row.text(11);
+  if (!kind || !parse_source(row.bytes(2), e.source)) {
+    return std::nullopt;
+  }
+  e.kind = *kind;
+  return checksum(e) == row.integer(12) ? std::optional(e) : std::nullopt;
+}
+
+std::optional<ClockPoint> read_clock(const Statement& row) {
+  ClockPoint c;
+  c.robot = static_cast<RobotId>(row.integer(1));
+  c.session = static_cast<SessionId>(row.integer(2));
+  c.wall_us = row.integer(3);
+  c.mono_us = row.integer(4);
+  if (!row.null(5)) {
+    c.robot_us = row.integer(5);
+  }
+  return checksum(c) == row.integer(6) ? std::optional(c) : std::nullopt;
+}
+
+}  // namespace tacho::store

@@ -1,0 +1,54 @@
+#pragma once
+// One write and one read function per table of records. Statements come from insert_sql / select_sql, so
+// that the order of columns is the order in schema_sql.cpp.
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "schema/records.hpp"
+#include "schema/store/sqlite.hpp"
+#include "schema/store/vocabulary.hpp"
+
+namespace tacho::store {
+
+/// A stream as one part knows it.
+struct StreamRow {
+  Stream stream;
+  std::uint64_t seq_from = 0;
+};
+
+/// One row of `hot`. `header` and `body` belong to somebody else.
+struct HotRow {
+  std::int64_t id = 0;
+  std::int64_t source = 0;  ///< number of the part's code list
+  AnswerMeta meta;          ///< meta.source is not stored; set from `source` by the reader
+  std::int64_t base = 0;    ///< 0: a keyframe
+  std::uint64_t length = 0;
+  std::int64_t crc = 0;
+  std::string_view header;
+  std::string_view body;
+};
+std::int64_t checksum(const HotRow& row);
+
+void write(Statement& insert, const Robot& robot);
+void write(Statement& insert, const Session& session);
+void write(Statement& insert, const StreamRow& stream);
+void write(Statement& insert, const HotRow& row);
+void write(Statement& insert, const Gap& gap);
+void write(Statement& insert, const Event& event);
+void write(Statement& insert, const ClockPoint& point);
+
+Robot read_robot(const Statement& row);
+Session read_session(const Statement& row);
+/// Empty when the source or word order has no meaning here.
+std::optional<StreamRow> read_stream(const Statement& row);
+/// Views are valid until the statement moves on.
+HotRow read_hot(const Statement& row, const Vocabulary& vocabulary);
+/// Empty when the checksum does not fit, or a name means nothing to this program.
+std::optional<Gap> read_gap(const Statement& row);
+std::optional<Event> read_event(const Statement& row);
+std::optional<ClockPoint> read_clock(const Statement& row);
+
+}  // namespace tacho::store

@@ -1,0 +1,261 @@
+#include "schema/store/sqlite.hpp"
+
+#include <sqlite3.h>
+
+#include <array>
+#include <limits>
+#include <utility>
+
+namespace tacho::store {
+
+namespace {
+
+constexpr int kBusyMs = 5000;
+constexpr int kHeaderBytes = 100;
+
+const char* remedy_for(int code) {
+  switch (code & 0xFF) {
+    case SQLITE_FULL:
+      return "free space on this disk";
+    case SQLITE_IOERR:
+      return "check the disk, its free space and its cables";
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_CANTOPEN:
+      return "check that the folder exists and that this user may read and write it";
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return "close the other program that holds this file open";
+    case SQLITE_NOTADB:
+      return "this is no part of a log: move it out of the folder";
+    case SQLITE_CORRUPT:
+      return "keep the file as it is; what can be read of it is still read";
+    default:
+      return "";
+  }
+}
+
+int flags_of(OpenMode mode) {
+  constexpr int kCommon = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
+  switch (mode) {
+    case OpenMode::create:
+      return kCommon | SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+    case OpenMode::write:
+      return kCommon | SQLITE_OPEN_READWRITE;
+    case OpenMode::read:
+      return kCommon | SQLITE_OPEN_READONLY;
+    case OpenMode::immutable:
+      return kCommon | SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
+  }
+  return kCommon;
+}
+
+/// A file: URI in which nothing of the path can be taken for a query.
+std::string immutable_uri(const std::filesystem::path& path) {
+  constexpr std::string_view kHex = "0123456789ABCDEF";
+  std::string uri = "file:";
+  for (const char c : std::filesystem::absolute(path).string()) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '%' || c == '?' || c == '#') {
+      uri += {'%', kHex[byte >> 4U], kHex[byte & 15U]};
+    } else {
+      uri += c;
+    }
+  }
+  return uri + "?immutable=1";
+}
+
+int remember_wal_pages(void* target, sqlite3*, const char*, int pages) {
+  *static_cast<int*>(target) = pages;
+  return SQLITE_OK;
+}
+
+}  // namespace
+
+bool SqliteError::damaged() const { return (code_ & 0xFF) == SQLITE_CORRUPT || (code_ & 0xFF) == SQLITE_NOTADB; }
+bool SqliteError::foreign() const { return (code_ & 0xFF) == SQLITE_NOTADB; }
+bool SqliteError::busy() const { return (code_ & 0xFF) == SQLITE_BUSY || (code_ & 0xFF) == SQLITE_LOCKED; }
+bool SqliteError::cannot_open() const { return (code_ & 0xFF) == SQLITE_CANTOPEN || (code_ & 0xFF) == SQLITE_READONLY; }
+
+void CloseDatabase::operator()(sqlite3* handle) const noexcept { sqlite3_close_v2(handle); }
+void FinalizeStatement::operator()(sqlite3_stmt* handle) const noexcept { sqlite3_finalize(handle); }
+
+Connection::Connection(std::filesystem::path path, OpenMode mode)
+    : path_(std::move(path)), wal_pages_(std::make_unique<int>(0)) {
+  const std::string name = mode == OpenMode::immutable ? immutable_uri(path_) : path_.string();
+  sqlite3* raw = nullptr;
+  const int code = sqlite3_open_v2(name.c_str(), &raw, flags_of(mode), nullptr);
+  handle_.reset(raw);
+  check(code, "open");
+  set_busy_timeout(kBusyMs);
+  if (mode == OpenMode::read || mode == OpenMode::immutable) {
+    check(sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr), "no checkpoint on close");
+  }
+}
+
+void Connection::check(int code, std::string_view sql) const {
+  if (code == SQLITE_OK || code == SQLITE_ROW || code == SQLITE_DONE) {
+    return;
+  }
+  std::string cause = handle_ ? sqlite3_errmsg(handle_.get()) : sqlite3_errstr(code);
+  cause += " (" + std::string(sqlite3_errstr(code)) + ", code " + std::to_string(code) + ", in \"" +
+           std::string(sql.substr(0, 120)) + "\")";
+  throw SqliteError(path_.string(), cause, remedy_for(code), code);
+}
+
+void Connection::exec(const std::string& sql) {
+  check(sqlite3_exec(handle_.get(), sql.c_str(), nullptr, nullptr, nullptr), sql);
+}
+
+std::string Connection::scalar(const std::string& sql) {
+  Statement statement(*this, sql);
+  return statement.step() ? statement.text(0) : std::string();
+}
+
+std::int64_t Connection::integer(const std::string& sql) {
+  Statement statement(*this, sql);
+  return statement.step() ? statement.integer(0) : 0;
+}
+
+void Connection::set_pragma(const std::string& name, const std::string& value) {
+  scalar("PRAGMA " + name + " = " + value);
+  const std::string got = scalar("PRAGMA " + name);
+  if (got != value) {
+    throw Error(path_.string(), "PRAGMA " + name + " is " + got + " instead of " + value,
+                "is the folder on a network file system, or open in another program?");
+  }
+}
+
+std::int64_t Connection::last_insert_rowid() const { return sqlite3_last_insert_rowid(handle_.get()); }
+bool Connection::in_transaction() const { return sqlite3_get_autocommit(handle_.get()) == 0; }
+
+void Connection::set_busy_timeout(int milliseconds) {
+  check(sqlite3_busy_timeout(handle_.get(), milliseconds), "busy timeout");
+}
+
+void Connection::own_checkpoints() {
+  set_pragma("wal_autocheckpoint", "0");
+  sqlite3_wal_hook(handle_.get(), remember_wal_pages, wal_pages_.get());
+}
+
+bool Connection::checkpoint_passive() {
+  int pages = 0;
+  int copied = 0;
+  const int code = sqlite3_wal_checkpoint_v2(handle_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages, &copied);
+  if ((code & 0xFF) == SQLITE_BUSY) {
+    return false;
+  }
+  check(code, "checkpoint");
+  return pages == copied;
+}
+
+bool Connection::checkpoint_truncate() {
+  const int code = sqlite3_wal_checkpoint_v2(handle_.get(), nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  if ((code & 0xFF) == SQLITE_BUSY) {
+    return false;
+  }
+  check(code, "checkpoint");
+  return true;
+}
+
+Connection::FileSize Connection::file_size() const {
+  sqlite3_file* file = nullptr;
+  FileSize size;
+  if (sqlite3_file_control(handle_.get(), "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file)) != SQLITE_OK ||
+      file == nullptr || file->pMethods == nullptr) {
+    return size;
+  }
+  sqlite3_int64 bytes = 0;
+  std::array<unsigned char, kHeaderBytes> header{};
+  if (file->pMethods->xFileSize(file, &bytes) != SQLITE_OK) {
+    return size;
+  }
+  size.actual = static_cast<std::uint64_t>(bytes);
+  if (bytes < kHeaderBytes || file->pMethods->xRead(file, header.data(), kHeaderBytes, 0) != SQLITE_OK) {
+    return size;
+  }
+  const auto big_endian = [&](std::size_t at, std::size_t count) {
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      value = value << 8U | header[at + i];
+    }
+    return value;
+  };
+  // The page count is only valid while the change counter equals the "version valid for" number.
+  if (big_endian(24, 4) == big_endian(92, 4)) {
+    const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2);
+    size.promised = page * big_endian(28, 4);
+  }
+  return size;
+}
+
+Statement::Statement(Connection& connection, std::string_view sql) : connection_(&connection) {
+  sqlite3_stmt* raw = nullptr;
+  const int code = sqlite3_prepare_v3(connection.handle(), sql.data(), static_cast<int>(sql.size()),
+                                      SQLITE_PREPARE_PERSISTENT, &raw, nullptr);
+  handle_.reset(raw);
+  connection.check(code, sql);
+}
+
+bool Statement::step() {
+  const int code = sqlite3_step(handle_.get());
+  if (code == SQLITE_ROW) {
+    return true;
+  }
+  try {
+    connection_->check(code, sqlite3_sql(handle_.get()));
+  } catch (...) {
+    reset();
+    throw;
+  }
+  reset();
+  return false;
+}
+
+void Statement::reset() { sqlite3_reset(handle_.get()); }
+
+void Statement::bind(int index, std::int64_t value) {
+  connection_->check(sqlite3_bind_int64(handle_.get(), index, value), sqlite3_sql(handle_.get()));
+}
+
+void Statement::bind(int index, double value) {
+  connection_->check(sqlite3_bind_double(handle_.get(), index, value), sqlite3_sql(handle_.get()));
+}
+
+void Statement::bind(int index, std::string_view value) {
+  const char* data = value.data() == nullptr ? "" : value.data();
+  const int code = sqlite3_bind_text64(handle_.get(), index, data, value.size(), SQLITE_STATIC, SQLITE_UTF8);
+  connection_->check(code, sqlite3_sql(handle_.get()));
+}
+
+void Statement::bind(int index, Blob value) {
+  const char* data = value.bytes.data() == nullptr ? "" : value.bytes.data();
+  const int code = sqlite3_bind_blob64(handle_.get(), index, data, value.bytes.size(), SQLITE_STATIC);
+  connection_->check(code, sqlite3_sql(handle_.get()));
+}
+
+void Statement::bind(int index, std::nullopt_t) {
+  connection_->check(sqlite3_bind_null(handle_.get(), index), sqlite3_sql(handle_.get()));
+}
+
+bool Statement::null(int column) const { return sqlite3_column_type(handle_.get(), column) == SQLITE_NULL; }
+std::int64_t Statement::integer(int column) const { return sqlite3_column_int64(handle_.get(), column); }
+double Statement::real(int column) const { return sqlite3_column_double(handle_.get(), column); }
+
+std::string_view Statement::bytes(int column) const {
+  const void* data = sqlite3_column_blob(handle_.get(), column);
+  const auto size = static_cast<std::size_t>(sqlite3_column_bytes(handle_.get(), column));
+  return data == nullptr ? std::string_view() : std::string_view(static_cast<const char*>(data), size);
+}
+
+Transaction::Transaction(Connection& connection) : connection_(&connection) { connection.exec("BEGIN IMMEDIATE"); }
+
+Transaction::~Transaction() {
+  if (connection_->in_transaction()) {
+    sqlite3_exec(connection_->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
+  }
+}
+
+void Transaction::commit() { connection_->exec("COMMIT"); }
+
+}  // namespace tacho::store
