@@ -50,7 +50,7 @@ class SourceFold {
     r.duplicates = preparation_.duplicates();
     r.counter = counter_.finish();
     r.accelerations = measure_accelerations(track_, config_);
-    r.counts = find_what_it_counts(track_, config_, r.counter.q());
+    r.counts = find_what_it_counts(track_, r.accelerations, config_, r.counter.q());
     r.speed = compare_speed(track_, r.accelerations, r.counts, config_, r.counter.q());
     return r;
   }

@@ -62,13 +62,14 @@ Windows collect(const Track& track, const Config& config, double quantum_m) {
 void describe(CountsResult& r, const Config& config) {
   const double b = *r.b.value;
   const double half_track = config.track_m.value_or(0.0) / 2.0;
-  const bool is_zero = (*r.b.lo <= 0.0 && *r.b.hi >= 0.0) || std::abs(b) < 0.02;
+  const bool is_zero = *r.b.lo <= 0.0 && *r.b.hi >= 0.0;
   const bool is_half =
       half_track > 0.0 && (std::abs(b / half_track - 1.0) < 0.15 || (*r.b.lo <= half_track && *r.b.hi >= half_track));
-  if (is_zero && std::abs(b) < 0.05) {
+  if ((is_zero && std::abs(b) < 0.05) || std::abs(b) < 0.02) {
     r.verdict = "path of the robot's centre";
   } else if (is_half) {
     r.wheels = true;
+    r.taken_off = half_track;
     r.verdict = fmt::format("mean of the wheels' paths: b is half the track of {:.3g} m", *config.track_m);
   } else if (!config.track_m && *r.b.lo > 0.05 && b < 0.8) {
     r.wheels = true;
@@ -77,11 +78,16 @@ void describe(CountsResult& r, const Config& config) {
     r.wheels = *r.b.lo > 0.0;
     r.verdict = fmt::format("neither the centre's path nor the wheels': {:.3g} m per radian on the spot", b);
   }
+  if (r.wheels && r.taken_off == 0.0) {
+    r.taken_off = b;
+    r.taken_off_doubt = 0.5 * (*r.b.hi - *r.b.lo);
+  }
 }
 
 }  // namespace
 
-CountsResult find_what_it_counts(const Track& track, const Config& config, double quantum_m) {
+CountsResult find_what_it_counts(const Track& track, const Accelerations& accelerations, const Config& config,
+                                 double quantum_m) {
   CountsResult r;
   r.a.unit = "1";
   r.b.unit = "m/rad";
@@ -108,12 +114,14 @@ CountsResult find_what_it_counts(const Track& track, const Config& config, doubl
   options.block = 6;
   options.draws = static_cast<int>(config.draws);
   const PairLimits limits = bootstrap_two_slopes(windows.counted, windows.driven, windows.turned, options);
+  const double at_stop = accelerations.linear * track.period_s() * track.period_s() / 6.0;
+  const double per_window = at_stop / (effects.col(0).mean() + 1e-9);
   r.a.value = fit.coefficients(0);
-  r.a.lo = limits.a.lo;
-  r.a.hi = limits.a.hi;
+  r.a.lo = limits.a.lo - per_window;
+  r.a.hi = limits.a.hi + per_window;
   r.b.value = fit.coefficients(1);
-  r.b.lo = limits.b.lo;
-  r.b.hi = limits.b.hi;
+  r.b.lo = limits.b.lo - at_stop;
+  r.b.hi = limits.b.hi + at_stop;
   describe(r, config);
   return r;
 }

@@ -23,6 +23,13 @@ struct Node {
   double variance = 0;
 };
 
+/// The node at distance s between two.
+Node node_at(const Node& a, const Node& b, double s) {
+  const double share = (s - a.s) / (b.s - a.s);
+  return {s, interpolate(a.located, b.located, share), interpolate(a.reckoned, b.reckoned, share),
+          a.variance + share * (b.variance - a.variance)};
+}
+
 /// Sums over pairs that start within one unit of counter distance.
 struct Unit {
   double n = 0, e2 = 0, along = 0, turn = 0, turn2 = 0;
@@ -41,21 +48,17 @@ class Length {
   /// Takes all pairs whose end is known; `first` is the index of nodes.front() in the stretch.
   void advance(const std::deque<Node>& nodes, std::size_t first, double chord_min) {
     const auto at = [&](std::size_t i) -> const Node& { return nodes[i - first]; };
-    const std::size_t known = first + nodes.size();
-    for (;;) {
-      while (next_ < known && at(next_).s < next_s_) {
+    while (next_s_ + length_ <= nodes.back().s) {
+      while (at(next_ + 1).s <= next_s_) {
         ++next_;
       }
-      if (next_ >= known || at(next_).s + length_ > nodes.back().s) {
-        return;
-      }
-      const Node& start = at(next_);
       end_ = std::max(end_, next_);
-      while (at(end_ + 1).s < start.s + length_) {
+      while (at(end_ + 1).s < next_s_ + length_) {
         ++end_;
       }
-      add_pair(start, at(end_), at(end_ + 1), chord_min);
-      next_s_ = start.s + length_ / 10.0;
+      add_pair(node_at(at(next_), at(next_ + 1), next_s_), node_at(at(end_), at(end_ + 1), next_s_ + length_),
+               chord_min);
+      next_s_ += length_ / 10.0;
     }
   }
   void end_stretch(double s) {
@@ -97,7 +100,7 @@ class Length {
  private:
   double length_;
   double unit_m_;
-  std::size_t next_ = 0;  ///< start of the next pair
+  std::size_t next_ = 0;  ///< last node at or before the start of the next pair
   std::size_t end_ = 0;
   double next_s_ = 0.0;
   double unit_from_ = 0.0;
@@ -117,10 +120,9 @@ class Length {
     unit_ = Unit{};
   }
 
-  void add_pair(const Node& start, const Node& a, const Node& b, double chord_min) {
-    const double share = (start.s + length_ - a.s) / (b.s - a.s);
-    const Pose located = between(start.located, interpolate(a.located, b.located, share));
-    const Pose reckoned = between(start.reckoned, interpolate(a.reckoned, b.reckoned, share));
+  void add_pair(const Node& start, const Node& end, double chord_min) {
+    const Pose located = between(start.located, end.located);
+    const Pose reckoned = between(start.reckoned, end.reckoned);
     const Pose e = between(located, reckoned);
     const double e2 = e.x * e.x + e.y * e.y;
     if (unit_.n == 0) {
@@ -134,7 +136,7 @@ class Length {
       u->turn2 += e.angle * e.angle;
     }
     ratios_.push_back(static_cast<float>(std::sqrt(e2) / length_));
-    integration_ += a.variance + share * (b.variance - a.variance) - start.variance;
+    integration_ += end.variance - start.variance;
     if (std::hypot(located.x, located.y) >= chord_min * length_) {
       straight_e2_ += e2;
       ++straight_n_;
@@ -268,7 +270,7 @@ DriftResult measure_drift(const Track& track, const JumpResult& jumps, const Acc
       reckoner.start(b);
     } else {
       const Interval i = interval_of(rows[k - 1], b, config);
-      reckoner.step(b, i, accelerations.radians(rows[k - 1], b, i));
+      reckoner.step(b, i, accelerations.radians(rows[k - 1], b, i, config));
     }
   }
   reckoner.end();

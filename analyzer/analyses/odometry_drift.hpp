@@ -2,10 +2,10 @@
 // A5: dead reckoning against localisation.
 //
 // D accumulates Exp(mean twist dt) along a stretch without cut, jump or row in odometry mode. For L in {1, 2, 5, 10,
-// 20, 50, 100} m of counter distance: starts every L/10 at the first row there, the very first row included; the end is
-// interpolated on SE(2) to exactly L. E = (T_i^-1 T_j)^-1 (D_i^-1 D_j), in the frame of j: e_par forward, e_perp left,
-// e_theta counter-clockwise; positive = dead reckoning is ahead / left / turned further. n_eff = covered length / L.
-// Limits of rms and means: moving-block bootstrap over sums of max(20 m, L), blocks of two.
+// 20, 50, 100} m of counter distance: starts every L/10 from the first row on; start and end are interpolated on SE(2)
+// to exactly their distance (at 1 Hz rows are wider apart than L/10). E = (T_i^-1 T_j)^-1 (D_i^-1 D_j), in the frame of
+// j: e_par forward, e_perp left, e_theta counter-clockwise; positive = dead reckoning is ahead / left / turned further.
+// n_eff = covered length / L. Limits of rms and means: moving-block bootstrap over sums of max(20 m, L), blocks of two.
 //
 // Drift law. Heading, all L: E e_theta^2 = 2 sigma_theta^2 + q L + b^2 L^2. Position, only pairs with chord/arc >=
 // 0.95: E |e|^2 = 4 sigma_p^2 + beta^2 L + (alpha^2 + sigma_theta^2) L^2 + q L^3/3 + b^2 L^4/4. sigmas from A11;

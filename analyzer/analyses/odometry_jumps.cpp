@@ -126,7 +126,7 @@ class Finder {
     step.dx = b.x - predicted.x;
     step.dy = b.y - predicted.y;
     step.dangle = wrap_pi(static_cast<double>(b.angle) - predicted.angle);
-    const double bound_rad = accelerations_.radians(a, b, i);
+    const double bound_rad = accelerations_.radians(a, b, i, config_);
     const double bound_m = accelerations_.metres(a, b, i) + 0.5 * i.metres * bound_rad;
     const double sigma_e = std::sqrt(2.0 * sigma_p_ * sigma_p_ + i.metres * i.metres * sigma_theta_ * sigma_theta_);
     step.allowed_m = std::max({config_.jump_m, config_.jump_sigmas * sigma_e, bound_m});

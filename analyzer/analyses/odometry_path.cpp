@@ -14,23 +14,24 @@ namespace {
 constexpr double kUnit_m = 2.0;  // strides are summed to about this before the bootstrap
 constexpr double kBlock_m = 20.0;
 constexpr double kCurve_m = 100.0;
+constexpr double kPivot_rad = 0.01;
 
 /// The shape of a stride so far, drawn with the counter's metres.
 struct Shape {
   std::complex<double> chord;
   double metres = 0.0;   ///< as drawn
-  double counted = 0.0;  ///< counter growth, corrected
+  double counted = 0.0;  ///< counter growth
   double turned = 0.0;
   bool bad = false;
 
-  void add(const Row& a, const Row& b, const Interval& i, double counted_m) {
+  void add(const Row& a, const Row& b, const Interval& i) {
     const double h = wrap_pi(static_cast<double>(b.angle) - static_cast<double>(a.angle));
     const double course = i.metres > 0.0 ? std::atan2(i.twist.vy, i.twist.vx) : 0.0;
-    const double length = std::max(counted_m, 0.0);
+    const double length = std::max(i.counted_m, 0.0);
     const double sinc = std::abs(h) < 1e-6 ? 1.0 : std::sin(0.5 * h) / (0.5 * h);
     chord += std::polar(length * sinc, static_cast<double>(a.angle) + 0.5 * h + course);
     metres += length;
-    counted += counted_m;
+    counted += i.counted_m;
     turned += h;
   }
   /// Chord / arc; without counter metres the formula of one arc.
@@ -56,14 +57,16 @@ class Strider {
     shape_ = Shape{};
   }
 
-  void step(const Row& a, const Row& b, const Interval& i, double counted_m) {
-    shape_.add(a, b, i, counted_m);
+  /// `spoilt`: the counter's growth in this interval is not the centre's path.
+  void step(const Row& a, const Row& b, const Interval& i, bool spoilt) {
+    shape_.add(a, b, i);
+    shape_.bad = shape_.bad || spoilt;
     const double d = std::hypot(b.x - anchor_.x, b.y - anchor_.y);
     if (d < result_.stride_m) {
       return;
     }
     const double ratio = shape_.ratio();
-    if (std::abs(shape_.turned) >= config_.stride_turn_rad || ratio < config_.stride_ratio_min) {
+    if (shape_.bad || std::abs(shape_.turned) >= config_.stride_turn_rad || ratio < config_.stride_ratio_min) {
       start(b);
       return;
     }
@@ -184,7 +187,7 @@ PathResult compare_path(const Track& track, const JumpResult& jumps, const Stand
     const bool joined = running && usable && !b.all(kCut) && !jumps.at(k);
     const Interval i = joined ? interval_of(rows[k - 1], b, config) : Interval{};
     if (joined && !counter_jumped(i, config, quantum_m)) {
-      strider.step(rows[k - 1], b, i, i.counted_m - counts.b_or_zero() * pivot_radians(rows[k - 1], b, i, config));
+      strider.step(rows[k - 1], b, i, counts.wheels && pivot_radians(rows[k - 1], b, i, config) > kPivot_rad);
     } else if (usable) {
       strider.start(b);
     }

@@ -32,7 +32,7 @@ class WindowBuilder {
 
   void add(const Row& a, const Row& b, const Interval& interval, double bound_m) {
     if (!open_) {
-      window_ = {a.t_us, b.t_us, 0.0, 0.0, 0.0, 0.0, 1};
+      window_ = {a.t_us, b.t_us, 0.0, 0.0, 0.0, 0.0, 0.0, 1};
       variance_ = q2_;
       open_ = true;
     } else if (broken_) {
@@ -44,7 +44,9 @@ class WindowBuilder {
     window_.integral_m += interval.metres;
     window_.counted_m += interval.counted_m;
     if (!interval.standing) {
-      window_.counted_m -= per_radian_ * pivot_radians(a, b, interval, config_);
+      const double pivot = pivot_radians(a, b, interval, config_);
+      window_.pivot_rad += pivot;
+      window_.counted_m -= per_radian_ * pivot;
       variance_ += bound_m * bound_m / 3.0;
       window_.bound_m += bound_m;
     }
@@ -87,14 +89,24 @@ double Accelerations::metres(const Row& a, const Row& b, const Interval& interva
   return interval.standing ? 0.0 : trapezoid_bound(linear, b.speed() - a.speed(), interval.dt_s);
 }
 
-double Accelerations::radians(const Row& a, const Row& b, const Interval& interval) const {
+double Accelerations::radians(const Row& a, const Row& b, const Interval& interval, const Config& config) const {
+  if (interval.standing) {
+    return 0.0;
+  }
   const double dw = static_cast<double>(b.w) - static_cast<double>(a.w);
-  return interval.standing ? 0.0 : trapezoid_bound(angular, dw, interval.dt_s);
+  const double bound = trapezoid_bound(angular, dw, interval.dt_s);
+  if (angular * interval.dt_s < 0.9 * fastest_turn) {
+    return bound;
+  }
+  const bool may_pivot = std::min(a.speed(), b.speed()) < config.pivot_mps;
+  const double change = may_pivot ? std::max(std::abs(dw), fastest_turn) : std::abs(dw);
+  return std::max(bound, 0.5 * change * interval.dt_s);
 }
 
 Accelerations measure_accelerations(const Track& track, const Config& config) {
   std::vector<double> linear;
   std::vector<double> angular;
+  std::vector<double> turns;
   const std::vector<Row>& rows = track.rows();
   for (std::size_t k = 1; k < rows.size(); ++k) {
     const Interval i = interval_of(rows[k - 1], rows[k], config);
@@ -102,6 +114,7 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
       continue;
     }
     linear.push_back(std::abs(rows[k].speed() - rows[k - 1].speed()) / i.dt_s);
+    turns.push_back(std::abs(static_cast<double>(rows[k].w)));
     angular.push_back(std::abs(static_cast<double>(rows[k].w) - static_cast<double>(rows[k - 1].w)) / i.dt_s);
   }
   Accelerations result;
@@ -111,6 +124,7 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
   if (!linear.empty()) {
     result.linear = std::max(result.linear, quantile(linear, 0.999));
     result.angular = std::max(result.angular, quantile(angular, 0.999));
+    result.fastest_turn = quantile(turns, 0.999);
   }
   result.raised = static_cast<std::uint64_t>(
       std::count_if(linear.begin(), linear.end(), [&](double a) { return a > result.linear; }));
@@ -140,26 +154,35 @@ bool SpeedWindow::excludes_one(double quantum_m) const {
 
 namespace {
 
-void summarise(SpeedResult& r, const Config& config, double quantum_m) {
+void summarise(SpeedResult& r, const Config& config, double quantum_m, double per_radian_doubt) {
   std::vector<double> g;
   std::vector<double> weight;
   std::vector<double> u;
   double spread = 0.0;
   double total = 0.0;
   double excluding = 0.0;
+  double pivots = 0.0;
   for (const SpeedWindow& w : r.windows) {
     g.push_back(w.g());
     u.push_back(w.u());
     weight.push_back(1.0 / (w.u() * w.u() + 1e-12));
     spread += weight.back() * weight.back() * w.u() * w.u();
     total += weight.back();
+    pivots += w.pivot_rad;
     excluding += w.excludes_one(quantum_m) ? 1.0 : 0.0;
   }
   const auto n = static_cast<std::int64_t>(g.size());
   const double value = weighted_median(g, weight);
   const Limits boot = bootstrap_weighted_median(g, weight, bootstrap_options(config, 2));
   const double half = 1.96 * std::sqrt(spread) / total;
-  r.g = {value, "1", std::min(boot.lo, value - half), std::max(boot.hi, value + half), n, r.driven_m / 1000.0, ""};
+  const double doubt = per_radian_doubt * pivots / r.driven_m;
+  r.g = {value,
+         "1",
+         std::min(boot.lo, value - half) - doubt,
+         std::max(boot.hi, value + half) + doubt,
+         n,
+         r.driven_m / 1000.0,
+         ""};
   r.u = {median(u), "1", {}, {}, n, {}, ""};
   r.excluding_one = {excluding / static_cast<double>(n), "1", {}, {}, n, {}, ""};
   if (value < 0.05 || std::abs(value - 1.5625) < 0.03) {
@@ -172,7 +195,7 @@ void summarise(SpeedResult& r, const Config& config, double quantum_m) {
 
 SpeedResult compare_speed(const Track& track, const Accelerations& accelerations, const CountsResult& counts,
                           const Config& config, double quantum_m) {
-  WindowBuilder builder(config, quantum_m, counts.b_or_zero());
+  WindowBuilder builder(config, quantum_m, counts.taken_off);
   const std::vector<Row>& rows = track.rows();
   bool speed = false;
   for (std::size_t k = 1; k < rows.size(); ++k) {
@@ -192,7 +215,7 @@ SpeedResult compare_speed(const Track& track, const Accelerations& accelerations
     r.driven_m += w.integral_m;
   }
   if (!r.windows.empty()) {
-    summarise(r, config, quantum_m);
+    summarise(r, config, quantum_m, counts.taken_off_doubt);
     if (*r.u.value > config.speed_u_max) {
       const std::string why =
           fmt::format("period {:.3g} s: the speed between two polls is known to {:.2g} % only, {:.2g} % needed",
