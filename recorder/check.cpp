@@ -1,0 +1,197 @@
+#include "recorder/check.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <future>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "recorder/link/modbus_link.hpp"
+#include "recorder/link/tcp_link.hpp"
+#include "recorder/recorder.hpp"
+#include "schema/log.hpp"
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+namespace {
+
+constexpr int kPolls = 3;  // enough to tell the network's time from the first answer's
+
+std::string period_text(Micros period) {
+  return period < 1'000'000 ? fmt::format("{:g} Hz", 1e6 / static_cast<double>(period)) : duration_text(period);
+}
+
+std::string text_or(const Sample& sample, FieldIndex f, std::string_view otherwise) {
+  return sample.at(f).has() && !sample.text(f).empty() ? std::string(sample.text(f)) : std::string(otherwise);
+}
+
+/// The report on one robot, built source by source.
+class RobotCheck {
+ public:
+  explicit RobotCheck(const RobotConfig& robot) : robot_(robot) {
+    result_.text = fmt::format("{} at {}\n", robot.name, robot.address());
+  }
+
+  CheckResult run() {
+    TcpLink status(status_options());
+    if (robot_.settings.period(Source::status) > 0) {
+      ask(status, Source::status, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
+    }
+    if (robot_.settings.period(Source::io) > 0) {
+      ask(status, Source::io, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
+    } else {
+      line(Source::io, io_off_text());
+    }
+    status.close();
+    ModbusLink modbus(modbus_options());
+    for (const Source source : {Source::inputs, Source::registers}) {  // inputs first: they gate some registers
+      if (robot_.settings.period(source) > 0) {
+        modbus_ = &modbus;
+        ask(modbus, source, robot_.settings.modbus.timeout_us, robot_.settings.modbus.spacing_us);
+      }
+    }
+    return result_;
+  }
+
+ private:
+  [[nodiscard]] TcpLinkOptions status_options() const {
+    return {robot_.host, robot_.status_port, robot_.settings.status.version,
+            wire::status_request_body(robot_.settings.status.request)};
+  }
+  [[nodiscard]] ModbusLinkOptions modbus_options() const {
+    ModbusLinkOptions out;
+    out.host = robot_.host;
+    out.port = robot_.modbus_port;
+    out.unit = robot_.settings.modbus.unit;
+    out.word_order = robot_.settings.modbus.word_order;
+    return out;
+  }
+
+  void line(Source source, const std::string& text) {
+    result_.text += fmt::format("  {:<10} {}\n", source_name(source), text);
+  }
+  void more(const std::string& text) { result_.text += fmt::format("             {}\n", text); }
+
+  void ask(Link& link, Source source, Micros timeout_us, Micros spacing_us) {
+    std::vector<Micros> rtt;
+    PollResult last;
+    for (int i = 0; i < kPolls; ++i) {
+      if (i > 0) {
+        HostClock().sleep_until(mono_now_us() + spacing_us);
+      }
+      PollResult result = link.poll(source, std::chrono::milliseconds(timeout_us / 1000));
+      if (!result.ok) {
+        ++result_.problems;
+        line(source, fmt::format("FAILED ({}): {}", cause_name(result.cause), result.detail));
+        return;
+      }
+      rtt.push_back(result.t_recv_us - result.t_send_us);
+      // The first sweep may be the one that learned what the robot refuses.
+      partial_ = i == 0 && result.partial ? result.detail : i == 0 ? std::string() : partial_;
+      last = std::move(result);
+    }
+    std::sort(rtt.begin(), rtt.end());
+    line(source, fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked every {}", last.body.size(),
+                             static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls,
+                             period_text(robot_.settings.period(source))));
+    describe(source, std::move(last));
+  }
+
+  void describe(Source source, PollResult result) {
+    Answer answer;
+    answer.meta.source = source;
+    answer.body = std::move(result.body);
+    WordOrder order = robot_.settings.modbus.word_order.value_or(WordOrder::cdab);
+    if (modbus_ != nullptr && modbus_->word_order()) {
+      order = modbus_->word_order()->order;
+    }
+    decoder_.decode(answer, order, FieldSet().set(), true, gates_, sample_);
+    if (!sample_.decodable) {
+      more("the answer cannot be decoded; it would be kept as it is");
+      return;
+    }
+    std::string unknown;
+    for (const std::string& key : sample_.unknown_keys) {
+      unknown += " " + key;
+    }
+    more(fmt::format("{} fields found, {} unknown keys{}{}", sample_.seen().count(), sample_.unknown_keys.size(),
+                     unknown.empty() ? "" : ":", unknown));
+    if (source == Source::status) {
+      describe_status();
+    } else if (source == Source::registers) {
+      describe_registers(order);
+    }
+    if (!partial_.empty()) {
+      more(partial_);
+    }
+    if (source == Source::registers || source == Source::inputs) {
+      more(fmt::format("requests {}", wire::to_text(modbus_->plan(source).ranges())));
+    }
+  }
+
+  void describe_status() {
+    has_io_ = sample_.at(field("di")).has() || sample_.at(field("do")).has();
+    more(fmt::format("vehicle {}, MAC {}, model {}, map {}", text_or(sample_, field("vehicle_id"), "unnamed"),
+                     text_or(sample_, field("mac"), "not given"), text_or(sample_, field("model_md5"), "not given"),
+                     text_or(sample_, field("current_map"), "not given")));
+    if (sample_.at(field("port_19204")).has()) {
+      more(fmt::format("clients on the status port, this one included: {} {}", sample_.at(field("port_19204")).integer,
+                       text_or(sample_, field("port_19204_ip"), "")));
+    }
+  }
+
+  void describe_registers(WordOrder order) {
+    if (modbus_->word_order()) {
+      more(fmt::format("word order {}: {}", word_order_name(order), modbus_->word_order()->why));
+    } else {
+      more(fmt::format("word order {}: as configured", word_order_name(order)));
+    }
+    const auto part = [this](FieldIndex f) { return sample_.at(f).integer; };
+    if (sample_.at(field("version_major")).has()) {
+      more(fmt::format("firmware {}.{}.{}.{}", part(field("version_major")), part(field("version_minor")),
+                       part(field("version_patch")), part(field("version_redistribute"))));
+    }
+  }
+
+  [[nodiscard]] std::string io_off_text() const {
+    if (!has_io_) {
+      return "off";
+    }
+    return *has_io_ ? "off; DI and DO come with status" : "off, but status carries no DI and DO; add --period io=2Hz";
+  }
+
+  const RobotConfig& robot_;
+  CheckResult result_;
+  AnswerDecoder decoder_;
+  Gates gates_;
+  Sample sample_;
+  std::string partial_;
+  std::optional<bool> has_io_;
+  ModbusLink* modbus_ = nullptr;
+};
+
+}  // namespace
+
+CheckResult check_robot(const RobotConfig& robot) {
+  // A sample is large: keep the state off the stack of the thread.
+  return std::make_unique<RobotCheck>(robot)->run();
+}
+
+CheckResult check(const Config& config) {
+  std::vector<std::future<CheckResult>> running;
+  for (const RobotConfig& robot : config.robots) {
+    running.push_back(std::async(std::launch::async, [&robot] { return check_robot(robot); }));
+  }
+  CheckResult all;
+  for (auto& one : running) {
+    const CheckResult result = one.get();
+    all.text += result.text;
+    all.problems += result.problems;
+  }
+  return all;
+}
+
+}  // namespace tacho::recorder

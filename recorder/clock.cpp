@@ -1,0 +1,34 @@
+#include "recorder/clock.hpp"
+
+#include <chrono>
+
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+Micros HostClock::mono_us() const { return mono_now_us(); }
+Micros HostClock::wall_us() const { return wall_now_us(); }
+
+bool HostClock::sleep_until(Micros mono_us) {
+  std::unique_lock lock(mutex_);
+  const auto ahead = std::chrono::microseconds(mono_us - mono_now_us());
+  wake_.wait_until(lock, std::chrono::steady_clock::now() + ahead, [this] { return stopped_at_.has_value(); });
+  return !stopped_at_;
+}
+
+std::optional<Micros> HostClock::stopped_at() const {
+  const std::lock_guard lock(mutex_);
+  return stopped_at_;
+}
+
+void HostClock::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!stopped_at_) {
+      stopped_at_ = mono_now_us();
+    }
+  }
+  wake_.notify_all();
+}
+
+}  // namespace tacho::recorder

@@ -1,0 +1,290 @@
+// The configuration file: TOML in, TOML out. Every mistake is answered with file, line and what was probably meant.
+
+#include <fmt/format.h>
+
+#include <toml++/toml.h>
+#include <cstdint>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <sstream>
+
+#include "recorder/config.hpp"
+#include "schema/text.hpp"
+
+namespace tacho::recorder {
+
+namespace {
+
+constexpr Micros kHour = 3'600'000'000;
+
+/// One key of a table: its name and what to do with its value. `what` is "site.toml:12: [modbus] unit".
+struct Key {
+  std::string name;
+  std::function<void(const toml::node& value, const std::string& what)> set;
+};
+
+class Reader {
+ public:
+  explicit Reader(std::string file) : file_(std::move(file)) {}
+
+  /// "site.toml:12"
+  [[nodiscard]] std::string at(const toml::source_region& region) const {
+    return fmt::format("{}:{}", file_, region.begin.line);
+  }
+
+  void table(const toml::table& table, const std::string& name, const std::vector<Key>& keys) const {
+    for (const auto& [key, value] : table) {
+      const Key* found = nullptr;
+      std::vector<std::string> known;
+      for (const Key& candidate : keys) {
+        known.push_back(candidate.name);
+        found = candidate.name == key.str() ? &candidate : found;
+      }
+      if (found == nullptr) {
+        throw UsageError(at(key.source()),
+                         fmt::format("unknown key '{}'{}{}", key.str(), name.empty() ? "" : " in " + name,
+                                     did_you_mean(key.str(), known)),
+                         "known are " + fmt::format("{}", fmt::join(known, ", ")));
+      }
+      found->set(value, fmt::format("{}: {}{}{}", at(value.source()), name, name.empty() ? "" : " ", key.str()));
+    }
+  }
+
+ private:
+  std::string file_;
+};
+
+std::string text_of(const toml::node& value, const std::string& what) {
+  if (const auto text = value.value_exact<std::string>()) {
+    return *text;
+  }
+  throw UsageError(what, "a text was expected", "put the value in quotes, as in \"1s\"");
+}
+
+std::int64_t integer_of(const toml::node& value, const std::string& what) {
+  if (const auto number = value.value_exact<std::int64_t>()) {
+    return *number;
+  }
+  throw UsageError(what, "a whole number was expected", "write it without quotes");
+}
+
+bool flag_of(const toml::node& value, const std::string& what) {
+  if (const auto flag = value.value_exact<bool>()) {
+    return *flag;
+  }
+  throw UsageError(what, "true or false was expected", "write it without quotes");
+}
+
+std::vector<std::string> texts_of(const toml::node& value, const std::string& what) {
+  const toml::array* array = value.as_array();
+  if (array == nullptr) {
+    throw UsageError(what, "a list of texts was expected", "as in [\"x\", \"y\"]");
+  }
+  std::vector<std::string> out;
+  for (const toml::node& item : *array) {
+    out.push_back(text_of(item, what));
+  }
+  return out;
+}
+
+const toml::table& table_of(const toml::node& value, const std::string& what) {
+  const toml::table* table = value.as_table();
+  if (table == nullptr) {
+    throw UsageError(what, "a table was expected", "see samples/config/site.toml");
+  }
+  return *table;
+}
+
+std::uint16_t port_of(const toml::node& value, const std::string& what) {
+  const std::int64_t port = integer_of(value, what);
+  if (port < 1 || port > 65535) {
+    throw UsageError(what, fmt::format("{} is no port", port), "give a number from 1 to 65535");
+  }
+  return static_cast<std::uint16_t>(port);
+}
+
+std::vector<Key> source_keys(Settings& s) {
+  std::vector<Key> keys;
+  for (const Source source : {Source::status, Source::io, Source::registers, Source::inputs}) {
+    Micros* const period = &s.period_us[static_cast<std::size_t>(source)];
+    keys.push_back({std::string(source_name(source)), [period](const toml::node& v, const std::string& what) {
+                      *period = parse_period(text_of(v, what), what);
+                    }});
+  }
+  return keys;
+}
+
+std::vector<Key> status_keys(StatusSettings& s) {
+  const auto length = [](Micros& out, Micros least, Micros most) {
+    return [&out, least, most](const toml::node& v, const std::string& what) {
+      out = parse_length(text_of(v, what), what, least, most);
+    };
+  };
+  const auto flag = [](std::optional<bool>& out) {
+    return [&out](const toml::node& v, const std::string& what) { out = flag_of(v, what); };
+  };
+  return {
+      {"timeout", length(s.timeout_us, 20'000, 60'000'000)},
+      {"spacing", length(s.spacing_us, 0, kHour)},
+      {"version",
+       [&s](const toml::node& v, const std::string& what) {
+         const std::int64_t version = integer_of(v, what);
+         if (version < 0 || version > 255) {
+           throw UsageError(what, fmt::format("{} does not fit into a byte", version),
+                            "RBK 3.4 uses 1, RBK 3.5 uses 2");
+         }
+         s.version = static_cast<std::uint8_t>(version);
+       }},
+      {"keys", [&s](const toml::node& v, const std::string& what) { s.request.keys = texts_of(v, what); }},
+      {"return_laser", flag(s.request.return_laser)},
+      {"return_beams3D", flag(s.request.return_beams3d)},
+      {"return_mid360", flag(s.request.return_mid360)},
+      {"language", [&s](const toml::node& v, const std::string& what) { s.request.language = text_of(v, what); }},
+  };
+}
+
+std::vector<Key> modbus_keys(ModbusSettings& s) {
+  return {
+      {"timeout",
+       [&s](const toml::node& v, const std::string& what) {
+         s.timeout_us = parse_length(text_of(v, what), what, 20'000, 60'000'000);
+       }},
+      {"spacing", [&s](const toml::node& v,
+                       const std::string& what) { s.spacing_us = parse_length(text_of(v, what), what, 0, kHour); }},
+      {"unit", [&s](const toml::node& v, const std::string& what) { s.unit = check_unit(integer_of(v, what), what); }},
+      {"word_order",
+       [&s](const toml::node& v, const std::string& what) { s.word_order = parse_order(text_of(v, what), what); }},
+  };
+}
+
+/// The three tables that exist for all robots and for one.
+std::vector<Key> settings_keys(const Reader& reader, Settings& s) {
+  return {
+      {"sources", [&](const toml::node& v,
+                      const std::string& what) { reader.table(table_of(v, what), "[sources]", source_keys(s)); }},
+      {"status", [&](const toml::node& v,
+                     const std::string& what) { reader.table(table_of(v, what), "[status]", status_keys(s.status)); }},
+      {"modbus", [&](const toml::node& v,
+                     const std::string& what) { reader.table(table_of(v, what), "[modbus]", modbus_keys(s.modbus)); }},
+  };
+}
+
+RobotConfig read_robot(const Reader& reader, const toml::table& table, const Settings& defaults) {
+  RobotConfig robot;
+  robot.settings = defaults;
+  std::vector<Key> keys = settings_keys(reader, robot.settings);
+  keys.push_back({"name", [&](const toml::node& v, const std::string& what) { robot.name = text_of(v, what); }});
+  keys.push_back({"host", [&](const toml::node& v, const std::string& what) { robot.host = text_of(v, what); }});
+  keys.push_back(
+      {"status_port", [&](const toml::node& v, const std::string& what) { robot.status_port = port_of(v, what); }});
+  keys.push_back(
+      {"modbus_port", [&](const toml::node& v, const std::string& what) { robot.modbus_port = port_of(v, what); }});
+  reader.table(table, "[[robot]]", keys);
+  if (robot.name.empty() || robot.host.empty()) {
+    throw UsageError(reader.at(table.source()), fmt::format("a robot without {}", robot.name.empty() ? "name" : "host"),
+                     "every [[robot]] needs name = \"...\" and host = \"...\"");
+  }
+  return robot;
+}
+
+void append_settings(const Settings& s, toml::table& out) {
+  const auto text = [](Micros us) { return us == 0 ? std::string("0s") : fmt::format("{}us", us); };
+  toml::table sources;
+  for (const Source source : {Source::status, Source::io, Source::registers, Source::inputs}) {
+    sources.insert(source_name(source), s.period(source) == 0 ? "off" : text(s.period(source)));
+  }
+  toml::table status{{"timeout", text(s.status.timeout_us)},
+                     {"spacing", text(s.status.spacing_us)},
+                     {"version", std::int64_t{s.status.version}}};
+  const wire::StatusRequest& request = s.status.request;
+  toml::array keys;
+  for (const std::string& key : request.keys) {
+    keys.push_back(key);
+  }
+  status.insert("keys", keys);
+  const auto optional = [&status](std::string_view key, const auto& value) {
+    if (value) {
+      status.insert(key, *value);
+    }
+  };
+  optional("return_laser", request.return_laser);
+  optional("return_beams3D", request.return_beams3d);
+  optional("return_mid360", request.return_mid360);
+  optional("language", request.language);
+  const std::string order(s.modbus.word_order ? word_order_name(*s.modbus.word_order) : "auto");
+  toml::table modbus{{"timeout", text(s.modbus.timeout_us)},
+                     {"spacing", text(s.modbus.spacing_us)},
+                     {"unit", std::int64_t{s.modbus.unit}},
+                     {"word_order", order}};
+  out.insert("sources", sources);
+  out.insert("status", status);
+  out.insert("modbus", modbus);
+}
+
+}  // namespace
+
+Config parse_config(std::string_view toml, const std::string& file_name) {
+  const Reader reader(file_name);
+  toml::table root;
+  try {
+    root = toml::parse(toml, file_name);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(reader.at(error.source()), std::string(error.description()), "the file is not valid TOML");
+  }
+  Config config;
+  std::vector<Key> keys = settings_keys(reader, config.defaults);
+  keys.push_back({"log", [&](const toml::node& v, const std::string& what) { config.log = text_of(v, what); }});
+  keys.push_back({"commit", [&](const toml::node& v, const std::string& what) {
+                    config.commit_us = parse_length(text_of(v, what), what, 50'000, 600'000'000);
+                  }});
+  keys.push_back({"part_size", [&](const toml::node& v, const std::string& what) {
+                    config.part_bytes = parse_size(text_of(v, what), what);
+                  }});
+  const toml::array* robots = nullptr;
+  keys.push_back({"robot", [&](const toml::node& v, const std::string& what) {
+                    robots = v.as_array();
+                    if (robots == nullptr) {
+                      throw UsageError(what, "a list of robots was expected", "write [[robot]] with two brackets");
+                    }
+                  }});
+  reader.table(root, "", keys);
+  // Last, whatever their place in the file: robots start from the defaults.
+  for (std::size_t i = 0; robots != nullptr && i < robots->size(); ++i) {
+    const toml::node& item = (*robots)[i];
+    config.robots.push_back(read_robot(reader, table_of(item, reader.at(item.source())), config.defaults));
+  }
+  return config;
+}
+
+Config read_config(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
+    throw UsageError(file.string(), "cannot be read", "check the path given with --config");
+  }
+  std::ostringstream text;
+  text << in.rdbuf();
+  return parse_config(text.str(), file.string());
+}
+
+std::string to_toml(const Config& config) {
+  toml::table root{{"log", config.log.string()},
+                   {"commit", fmt::format("{}us", config.commit_us)},
+                   {"part_size", fmt::format("{}KB", config.part_bytes / 1024)}};
+  append_settings(config.defaults, root);
+  toml::array robots;
+  for (const RobotConfig& robot : config.robots) {
+    toml::table item{{"name", robot.name},
+                     {"host", robot.host},
+                     {"status_port", std::int64_t{robot.status_port}},
+                     {"modbus_port", std::int64_t{robot.modbus_port}}};
+    append_settings(robot.settings, item);
+    robots.push_back(item);
+  }
+  root.insert("robot", robots);
+  std::ostringstream out;
+  out << root << '\n';
+  return out.str();
+}
+
+}  // namespace tacho::recorder

@@ -1,0 +1,86 @@
+#include "recorder/console.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+std::string bytes_text(std::uint64_t bytes) {
+  constexpr std::array<std::string_view, 4> kUnits{"kB", "MB", "GB", "TB"};
+  double value = static_cast<double>(bytes) / 1e3;
+  std::size_t unit = 0;
+  while (value >= 1000.0 && unit + 1 < kUnits.size()) {
+    value /= 1e3;
+    ++unit;
+  }
+  return fmt::format("{:.1f} {}", value, kUnits[unit]);
+}
+
+std::string Console::status_text(const Progress& p) {
+  return fmt::format("robots {}/{}  rows {}  missed {}  queue {}  commit {:.1f} ms  {}", p.robots_ok, p.robots, p.rows,
+                     p.missed, p.queued, static_cast<double>(p.last_commit.count()) / 1e3, bytes_text(p.stored_bytes));
+}
+
+void Console::erase() {
+  if (!line_.empty()) {
+    fmt::print(stderr, "\r\x1b[K");
+  }
+}
+
+void Console::message(std::string_view text) {
+  const std::lock_guard lock(mutex_);
+  erase();
+  fmt::print(stderr, "{} {}\n{}", iso_utc(wall_now_us()), text, line_);
+  std::fflush(stderr);
+}
+
+void Console::status(const Progress& progress) {
+  if (!terminal_) {
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  erase();
+  line_ = status_text(progress);
+  fmt::print(stderr, "{}", line_);
+  std::fflush(stderr);
+}
+
+void Console::end_status() {
+  const std::lock_guard lock(mutex_);
+  if (!line_.empty()) {
+    fmt::print(stderr, "\n");
+    line_.clear();
+  }
+}
+
+std::string summary_text(const std::vector<SourceSummary>& rows) {
+  std::size_t width = 5;
+  for (const SourceSummary& row : rows) {
+    width = std::max(width, row.robot.size());
+  }
+  std::string out = fmt::format("{:<{}}  {:<9}  {:>9}  {:>9}  {:>9}  {}\n", "robot", width, "source", "planned",
+                                "stored", "missed", "why");
+  for (const SourceSummary& row : rows) {
+    std::uint64_t missed = 0;
+    std::string causes;
+    for (std::size_t c = 0; c < row.missed.size(); ++c) {
+      missed += row.missed[c];
+      if (row.missed[c] > 0) {
+        causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", cause_name(static_cast<Cause>(c)), row.missed[c]);
+      }
+    }
+    if (row.partial > 0) {
+      causes += fmt::format("{}{} stored in part", causes.empty() ? "" : ", ", row.partial);
+    }
+    out += fmt::format("{:<{}}  {:<9}  {:>9}  {:>9}  {:>9}  {}\n", row.robot, width, source_name(row.source),
+                       row.planned, row.stored, missed, causes);
+  }
+  return out;
+}
+
+}  // namespace tacho::recorder

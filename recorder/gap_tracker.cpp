@@ -1,0 +1,82 @@
+#include "recorder/gap_tracker.hpp"
+
+#include <utility>
+
+namespace tacho::recorder {
+
+GapTracker::GapTracker(Gap stream, Micros flush_interval_us, Emit emit)
+    : stream_(std::move(stream)), flush_interval_us_(flush_interval_us), emit_(std::move(emit)) {}
+
+void GapTracker::open(std::uint64_t seq, std::uint64_t count, Micros from_us, Micros to_us) {
+  open_ = stream_;
+  open_->seq_from = seq;
+  open_->seq_count = count;
+  open_->t_from_us = from_us;
+  open_->t_to_us = to_us;
+  opened_us_ = to_us;
+}
+
+void GapTracker::miss(std::uint64_t seq, std::uint64_t count, Micros due_us, Micros last_due_us, Cause cause,
+                      const std::string& detail) {
+  if (count == 0) {
+    return;
+  }
+  missed_ += count;
+  if (open_ && !open_->partial && open_->cause == cause) {
+    open_->seq_count += count;
+    open_->t_to_us = last_due_us;
+    flush_if_old(last_due_us);
+    return;
+  }
+  flush();
+  open(seq, count, last_good_us_.value_or(due_us), last_due_us);
+  opened_us_ = due_us;
+  open_->cause = cause;
+  open_->detail = detail;
+  last_good_us_.reset();
+}
+
+void GapTracker::recovered(Micros t_send_us) {
+  if (open_ && !open_->partial) {
+    open_->t_to_us = t_send_us;
+    flush();
+  }
+}
+
+void GapTracker::stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, Cause cause,
+                        const std::string& missing) {
+  const bool continues =
+      open_ && open_->partial && !missing.empty() && open_->cause == cause && open_->detail == missing;
+  if (continues) {
+    ++open_->seq_count;
+    open_->t_to_us = t_recv_us;
+    flush_if_old(t_recv_us);
+  } else {
+    recovered(t_send_us);
+    flush();
+    if (!missing.empty()) {
+      open(seq, 1, t_send_us, t_recv_us);
+      open_->partial = true;
+      open_->cause = cause;
+      open_->detail = missing;
+    }
+  }
+  last_good_us_ = t_recv_us;
+}
+
+void GapTracker::flush_if_old(Micros wall_us) {
+  // A wall clock that steps back must not postpone the row, so the distance counts in both directions.
+  const Micros age = wall_us > opened_us_ ? wall_us - opened_us_ : opened_us_ - wall_us;
+  if (open_ && age >= flush_interval_us_) {
+    flush();
+  }
+}
+
+void GapTracker::flush() {
+  if (open_) {
+    emit_(*open_);
+    open_.reset();
+  }
+}
+
+}  // namespace tacho::recorder

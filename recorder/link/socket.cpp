@@ -1,0 +1,193 @@
+#include "recorder/link/socket.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/select.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+namespace {
+
+std::string words(int error) { return std::generic_category().message(error); }
+
+ConnectFailure failure(int error, const std::string& address) {
+  switch (error) {
+    case ECONNREFUSED:
+      return {true, Cause::connect_refused,
+              fmt::format("{}: connection refused; is the port right, and does the robot offer it?", address)};
+    case ETIMEDOUT:
+      return {true, Cause::connect_timeout,
+              fmt::format("{}: no answer to the connection attempt; is the robot on and this host in its network?",
+                          address)};
+    case ENETUNREACH:
+    case EHOSTUNREACH:
+    case EHOSTDOWN:
+    case ENETDOWN:
+      return {true, Cause::unreachable,
+              fmt::format("{}: {}; is the robot on and this host in its network?", address, words(error))};
+    default:
+      return {true, Cause::unreachable, fmt::format("{}: {}", address, words(error))};
+  }
+}
+
+std::string numeric(const addrinfo& address) {
+  char text[NI_MAXHOST] = {};
+  if (getnameinfo(address.ai_addr, address.ai_addrlen, text, sizeof(text), nullptr, 0, NI_NUMERICHOST) != 0) {
+    return {};
+  }
+  return text;
+}
+
+/// Robots drop dead peers by TCP keep-alive; so do we, and requests are single small packets that must not wait.
+void set_options(int fd) {
+  const int on = 1;
+  const int idle_s = 10;
+  const int interval_s = 5;
+  const int probes = 3;
+  setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+  setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof(on));
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof(idle_s));
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &interval_s, sizeof(interval_s));
+  setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &probes, sizeof(probes));
+}
+
+}  // namespace
+
+int remaining_ms(Micros deadline_us) {
+  const Micros left = deadline_us - mono_now_us();
+  return left <= 0 ? 0 : static_cast<int>(std::min<Micros>((left + 999) / 1000, 3'600'000));
+}
+
+Socket::Socket(std::string host, std::uint16_t port) : host_(std::move(host)), port_(port) {}
+
+Socket::~Socket() { close(); }
+
+std::string Socket::address() const {
+  return host_.find(':') == std::string::npos ? fmt::format("{}:{}", host_, port_)
+                                              : fmt::format("[{}]:{}", host_, port_);
+}
+
+bool Socket::adopt(int fd) {
+  const std::lock_guard lock(mutex_);
+  if (interrupted_) {
+    ::close(fd);
+    return false;
+  }
+  fd_ = fd;
+  return true;
+}
+
+void Socket::close() {
+  const std::lock_guard lock(mutex_);
+  if (fd_ >= 0) {
+    ::close(fd_);
+    fd_ = -1;
+  }
+}
+
+void Socket::interrupt() {
+  const std::lock_guard lock(mutex_);
+  interrupted_ = true;
+  if (fd_ >= 0) {
+    ::shutdown(fd_, SHUT_RDWR);  // wakes poll(2) and select(2) in the owner thread; the owner closes
+  }
+}
+
+bool Socket::interrupted() const {
+  const std::lock_guard lock(mutex_);
+  return interrupted_;
+}
+
+bool Socket::wait(short events, Micros deadline_us) const {
+  pollfd item{fd_, events, 0};
+  for (;;) {
+    const int ready = ::poll(&item, 1, remaining_ms(deadline_us));
+    if (ready >= 0 || errno != EINTR) {
+      return ready != 0;  // an error of poll itself shows in the next call on the socket
+    }
+  }
+}
+
+ConnectFailure Socket::try_address(const addrinfo& address, Micros deadline_us) {
+  const int fd = ::socket(address.ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (fd < 0) {
+    return failure(errno, this->address());
+  }
+  if (fd >= FD_SETSIZE) {  // libmodbus waits with select(2)
+    ::close(fd);
+    return failure(EMFILE, this->address());
+  }
+  if (!adopt(fd)) {
+    return {true, Cause::shutdown, "stopping"};
+  }
+  set_options(fd);
+  int error = ::connect(fd, address.ai_addr, address.ai_addrlen) == 0 ? 0 : errno;
+  if (error == EINPROGRESS) {
+    error = ETIMEDOUT;
+    if (wait(POLLOUT, deadline_us)) {
+      socklen_t size = sizeof(error);
+      ::getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size);
+    }
+  }
+  if (error == 0 && interrupted()) {
+    error = ECANCELED;
+  }
+  if (error != 0) {
+    close();
+    return failure(error, this->address());
+  }
+  peer_ = numeric(address);
+  return {};
+}
+
+ConnectFailure Socket::connect(Micros deadline_us) {
+  close();
+  addrinfo hints{};
+  hints.ai_family = AF_UNSPEC;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  const int rc = ::getaddrinfo(host_.c_str(), std::to_string(port_).c_str(), &hints, &found);
+  if (rc != 0) {
+    return {true, Cause::unreachable,
+            fmt::format("{}: {}; is the name right, or use the robot's address", address(), gai_strerror(rc))};
+  }
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> list(found, ::freeaddrinfo);
+  ConnectFailure last{true, Cause::unreachable, address() + ": no address"};
+  for (const addrinfo* item = list.get(); item != nullptr; item = item->ai_next) {
+    last = try_address(*item, deadline_us);
+    if (!last.failed || last.cause == Cause::shutdown) {
+      break;
+    }
+  }
+  if (last.failed && interrupted()) {
+    return {true, Cause::shutdown, "stopping"};
+  }
+  return last;
+}
+
+Socket::Idle Socket::idle() const {
+  char byte = 0;
+  const ssize_t n = ::recv(fd_, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  if (n > 0) {
+    return Idle::unexpected_bytes;
+  }
+  return n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR) ? Idle::ok : Idle::closed;
+}
+
+}  // namespace tacho::recorder

@@ -1,0 +1,62 @@
+#pragma once
+// A TCP client socket whose connect has a deadline. libmodbus' own connect has none that can be trusted (its timeout
+// leaves errno undefined in 3.1.6), so both links connect here.
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+
+#include "schema/records.hpp"
+
+struct addrinfo;
+
+namespace tacho::recorder {
+
+/// Milliseconds from now until a monotonic deadline, rounded up, never negative: an argument for poll(2).
+int remaining_ms(Micros deadline_us);
+
+struct ConnectFailure {
+  bool failed = false;
+  Cause cause = Cause::connect_refused;
+  std::string detail;  ///< the system's words and what to look at; empty when connected
+};
+
+/// One owner thread; only interrupt() may be called from another.
+class Socket {
+ public:
+  Socket(std::string host, std::uint16_t port);
+  ~Socket();
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+
+  /// Connects until `deadline_us` (monotonic). A host name is resolved again before every attempt; that lookup is the
+  /// resolver's and knows no deadline, so addresses are better than names.
+  ConnectFailure connect(Micros deadline_us);
+  [[nodiscard]] bool connected() const { return fd_ >= 0; }
+  [[nodiscard]] int fd() const { return fd_; }  ///< non-blocking; -1 when not connected
+  /// Waits for `events` (poll(2)) until the deadline; false at the deadline.
+  [[nodiscard]] bool wait(short events, Micros deadline_us) const;
+  void close();
+  void interrupt();
+  [[nodiscard]] bool interrupted() const;
+  [[nodiscard]] std::string address() const;  ///< "host:port"
+  /// Numeric address of the peer once connected, "" before.
+  [[nodiscard]] const std::string& peer() const { return peer_; }
+
+  enum class Idle { ok, closed, unexpected_bytes };
+  /// What an idle connection holds: nothing, an end of file, or bytes nobody asked for.
+  [[nodiscard]] Idle idle() const;
+
+ private:
+  bool adopt(int fd);
+  ConnectFailure try_address(const addrinfo& address, Micros deadline_us);
+
+  std::string host_;
+  std::uint16_t port_;
+  std::string peer_;
+  int fd_ = -1;               // written under mutex_, read freely by the owner thread
+  mutable std::mutex mutex_;  // between owner and interrupt()
+  bool interrupted_ = false;
+};
+
+}  // namespace tacho::recorder

@@ -1,0 +1,210 @@
+#include "recorder/link/tcp_link.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <cassert>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+namespace {
+
+constexpr int kStrangeConnections = 3;
+constexpr std::size_t kMaxErrorText = 2048;
+
+std::string hex(const std::array<char, wire::kHeaderBytes>& bytes) {
+  std::string text;
+  for (const char byte : bytes) {
+    text += fmt::format("{}{:02X}", text.empty() ? "" : " ", static_cast<unsigned char>(byte));
+  }
+  return text;
+}
+
+bool would_block(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
+
+}  // namespace
+
+TcpLink::TcpLink(TcpLinkOptions options) : options_(std::move(options)), socket_(options_.host, options_.port) {}
+
+void TcpLink::close() {
+  socket_.close();
+  decoder_.reset();
+}
+
+TcpLink::Outcome TcpLink::ready(Micros deadline_us) {
+  // An idle connection that was closed, or that holds bytes nobody asked for, is replaced before it costs a poll.
+  if (socket_.connected() && socket_.idle() != Socket::Idle::ok) {
+    close();
+  }
+  if (!socket_.connected()) {
+    decoder_.reset();
+    fresh_ = true;
+    const ConnectFailure failure = socket_.connect(deadline_us);
+    if (failure.failed) {
+      return {false, failure.cause, failure.detail};
+    }
+  }
+  return {true, {}, {}};
+}
+
+TcpLink::Outcome TcpLink::send(std::string_view bytes, Micros deadline_us) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::send(socket_.fd(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (n > 0) {
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    } else if (!would_block(errno)) {
+      return {false, Cause::closed, fmt::format("{}: {}", socket_.address(), std::generic_category().message(errno))};
+    } else if (!socket_.wait(POLLOUT, deadline_us)) {
+      return {false, Cause::timeout, fmt::format("{}: the request could not be sent in time", socket_.address())};
+    }
+  }
+  return {true, {}, {}};
+}
+
+TcpLink::Outcome TcpLink::receive(wire::Frame& frame, Micros deadline_us) {
+  std::array<char, 65536> buffer;  // uninitialised on purpose: written by recv
+  for (;;) {
+    if (!socket_.wait(POLLIN, deadline_us)) {
+      return {false, Cause::timeout,
+              decoder_.buffered() == 0
+                  ? fmt::format("{}: connected, but no answer", socket_.address())
+                  : fmt::format("{}: only {} bytes of an answer", socket_.address(), decoder_.buffered())};
+    }
+    const ssize_t n = ::recv(socket_.fd(), buffer.data(), buffer.size(), 0);
+    if (n < 0 && would_block(errno)) {
+      continue;
+    }
+    if (n <= 0) {
+      return {false, Cause::closed,
+              fmt::format("{}: {}{}", socket_.address(),
+                          n == 0 ? "closed by the robot" : std::generic_category().message(errno),
+                          decoder_.buffered() == 0 ? "" : fmt::format(" after {} bytes", decoder_.buffered()))};
+    }
+    decoder_.feed({buffer.data(), static_cast<std::size_t>(n)});
+    if (decoder_.next(frame)) {
+      return {true, {}, {}};
+    }
+    if (decoder_.bad()) {
+      return {false, Cause::malformed,
+              fmt::format("{}: {}; is this a robot's status port (19204)?", socket_.address(), decoder_.why())};
+    }
+  }
+}
+
+PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
+  assert(source == Source::status || source == Source::io);
+  PollResult result;
+  const Micros deadline_us = mono_now_us() + std::chrono::microseconds(timeout).count();
+  const std::uint16_t request = source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
+  wire::Frame frame;
+
+  Outcome outcome = ready(deadline_us);
+  if (outcome.ok) {
+    ++sequence_;
+    const std::string bytes = wire::encode_frame(options_.version, sequence_, request,
+                                                 source == Source::io ? std::string_view() : options_.status_body);
+    result.t_send_us = wall_now_us();
+    outcome = send(bytes, deadline_us);
+  }
+  if (outcome.ok) {
+    outcome = receive(frame, deadline_us);
+    result.t_recv_us = wall_now_us();
+  }
+  if (!outcome.ok) {
+    close();
+    result.cause = socket_.interrupted() ? Cause::shutdown : outcome.cause;
+    result.detail = std::move(outcome.detail);
+    return result;
+  }
+  const bool trailing = decoder_.buffered() > 0;
+  const bool first = std::exchange(fresh_, false);
+  judge(frame, first, source, result);
+  if (trailing) {
+    close();  // more than one answer to one question: this connection is out of step
+  }
+  if (result.ok) {
+    result.header = wire::unusual_header(frame.header)
+                        ? std::string(frame.header_bytes.data(), frame.header_bytes.size())
+                        : std::string();
+    result.body = std::move(frame.body);
+  }
+  return result;
+}
+
+void TcpLink::judge(const wire::Frame& frame, bool first, Source source, PollResult& result) {
+  const std::uint16_t request = source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
+  switch (wire::classify(frame, request)) {
+    case wire::AnswerClass::expected:
+      judge_sequence(frame, first, result);
+      if (result.ok) {
+        last_error_[static_cast<std::size_t>(source)].clear();
+      }
+      return;
+    case wire::AnswerClass::error_frame:
+      result.cause = Cause::error_frame;
+      result.detail = fmt::format("{}: {}", socket_.address(), wire::explain_error(frame));
+      note_error(frame, source, EventKind::error_frame, result);
+      if (echoes_ && frame.header.sequence != sequence_) {
+        close();
+      }
+      return;
+    case wire::AnswerClass::client_limit:
+      result.cause = Cause::client_limit;
+      result.detail = fmt::format("{}: {}", socket_.address(), wire::explain_error(frame));
+      note_error(frame, source, EventKind::client_limit, result);
+      close();
+      return;
+    case wire::AnswerClass::other:
+      result.cause = Cause::malformed;
+      result.detail = fmt::format("{}: a frame of type {} came where {} was asked for", socket_.address(),
+                                  frame.header.type, wire::answer_type(request));
+      close();
+      return;
+  }
+}
+
+void TcpLink::judge_sequence(const wire::Frame& frame, bool first, PollResult& result) {
+  if (frame.header.sequence == sequence_ || !echoes_) {
+    strange_connections_ = frame.header.sequence == sequence_ ? 0 : strange_connections_;
+    result.ok = true;
+    return;
+  }
+  // The first answer of a connection cannot be a late one: nothing was asked before on it.
+  strange_connections_ = first ? strange_connections_ + 1 : 0;
+  result.cause = Cause::wrong_sequence;
+  result.detail = fmt::format("{}: asked with sequence number {}, answered with {}", socket_.address(), sequence_,
+                              frame.header.sequence);
+  if (strange_connections_ >= kStrangeConnections) {
+    echoes_ = false;
+    result.notes.push_back({EventKind::no_sequence_echo,
+                            {},
+                            {},
+                            {},
+                            fmt::format("{} fresh connections in a row answered with another sequence number; "
+                                        "it is no longer compared",
+                                        kStrangeConnections)});
+  }
+  close();
+}
+
+void TcpLink::note_error(const wire::Frame& frame, Source source, EventKind kind, PollResult& result) {
+  const std::string key = fmt::format("{} {}", frame.header.type, frame.body);
+  std::string& last = last_error_[static_cast<std::size_t>(source)];
+  if (last != key) {
+    last = key;
+    result.notes.push_back({kind,
+                            std::to_string(frame.header.type),
+                            {},
+                            {},
+                            fmt::format("{}; header {}; body {}", wire::explain_error(frame), hex(frame.header_bytes),
+                                        std::string_view(frame.body).substr(0, kMaxErrorText))});
+  }
+}
+
+}  // namespace tacho::recorder

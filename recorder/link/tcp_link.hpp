@@ -1,0 +1,61 @@
+#pragma once
+// The Robokit status port (19204): requests 1100 and 1013, nothing else.
+//
+// One connection, held. An answer is taken only when it is a frame of the expected type with the sequence number of the
+// request; any other frame closes the connection, and so does a timeout (an error frame with the right number does not:
+// a robot that refuses 1013 goes on answering 1100). A robot that answers with another number on three
+// fresh connections in a row does not echo sequence numbers: from then on the number is not compared (answers cannot be
+// mixed up, as every connection has at most one request under way), and an event says so.
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "recorder/link/link.hpp"
+#include "recorder/link/socket.hpp"
+#include "schema/wire/frame.hpp"
+
+namespace tacho::recorder {
+
+struct TcpLinkOptions {
+  std::string host;
+  std::uint16_t port = 19204;
+  std::uint8_t version = 1;  ///< 1 for RBK 3.4, 2 for RBK 3.5; answers of any version are taken
+  std::string status_body;   ///< body of request 1100 (wire::status_request_body)
+};
+
+class TcpLink final : public Link {
+ public:
+  explicit TcpLink(TcpLinkOptions options);
+
+  /// `source`: status or io.
+  PollResult poll(Source source, std::chrono::milliseconds timeout) override;
+  [[nodiscard]] bool connected() const override { return socket_.connected(); }
+  void close() override;
+  void interrupt() override { socket_.interrupt(); }
+  [[nodiscard]] bool echoes_sequence() const { return echoes_; }
+
+ private:
+  struct Outcome {
+    bool ok = false;
+    Cause cause = Cause::timeout;
+    std::string detail;
+  };
+  Outcome ready(Micros deadline_us);
+  Outcome send(std::string_view bytes, Micros deadline_us);
+  Outcome receive(wire::Frame& frame, Micros deadline_us);
+  void judge(const wire::Frame& frame, bool first, Source source, PollResult& result);
+  void judge_sequence(const wire::Frame& frame, bool first, PollResult& result);
+  void note_error(const wire::Frame& frame, Source source, EventKind kind, PollResult& result);
+
+  TcpLinkOptions options_;
+  Socket socket_;
+  wire::FrameDecoder decoder_;
+  std::uint16_t sequence_ = 0;
+  bool fresh_ = false;           // no answer yet on this connection
+  int strange_connections_ = 0;  // fresh connections in a row whose first answer had another sequence number
+  bool echoes_ = true;
+  std::array<std::string, kSourceCount> last_error_;  // so that a standing refusal is one event, not one per poll
+};
+
+}  // namespace tacho::recorder

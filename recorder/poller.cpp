@@ -1,0 +1,186 @@
+#include "recorder/poller.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace tacho::recorder {
+
+std::uint64_t SourceCounters::missed_total() const {
+  std::uint64_t sum = 0;
+  for (const auto& count : missed) {
+    sum += count;
+  }
+  return sum;
+}
+
+Poller::Poller(PollerOptions options, std::unique_ptr<Link> link, Clock& clock, Sink& sink)
+    : options_(std::move(options)), link_(std::move(link)), clock_(clock), sink_(sink) {
+  for (const PolledSource& plan : options_.sources) {
+    lanes_.push_back(std::make_unique<Lane>());
+    lanes_.back()->plan = plan;
+  }
+}
+
+Micros Poller::wall_of(Micros mono_us) const { return clock_.wall_us() - (clock_.mono_us() - mono_us); }
+
+Poller::Lane& Poller::next_lane() {
+  return **std::min_element(lanes_.begin(), lanes_.end(), [](const auto& a, const auto& b) {
+    return a->schedule->next_due_us() < b->schedule->next_due_us();
+  });
+}
+
+void Poller::run(Micros start_us, Micros end_us) {
+  for (const auto& lane : lanes_) {
+    Gap stream;
+    stream.robot = options_.robot;
+    stream.session = options_.session;
+    stream.source = lane->plan.source;
+    lane->schedule.emplace(start_us + lane->plan.phase_us, lane->plan.period_us);
+    lane->gaps.emplace(stream, options_.gap_flush_us, [this](const Gap& gap) { sink_.gap(gap); });
+  }
+  while (!lanes_.empty()) {
+    Lane& lane = next_lane();
+    const Micros due_us = lane.schedule->next_due_us();
+    if (due_us >= end_us) {
+      break;
+    }
+    // While the link is down nothing is sent, so nothing needs to keep a distance.
+    const bool waiting = outage_ && due_us < outage_->retry_us;
+    if (!clock_.sleep_until(waiting ? due_us : std::max(due_us, not_before_us_))) {
+      break;
+    }
+    serve(lane, clock_.mono_us());
+    flush_old_gaps();
+  }
+  finish(std::min(end_us, clock_.stopped_at().value_or(end_us)));
+  link_->close();
+  up_ = false;
+}
+
+void Poller::serve(Lane& lane, Micros now_us) {
+  if (outage_ && now_us < outage_->retry_us) {
+    miss(lane, 1 + lane.schedule->overrun(now_us), outage_->cause, outage_->detail);
+    return;
+  }
+  if (const std::uint64_t late = lane.schedule->overrun(now_us); late > 0) {
+    // What went by while a dead link held the thread is the link's fault, else the robot was slow.
+    if (outage_) {
+      miss(lane, late, outage_->cause, outage_->detail);
+    } else {
+      miss(lane, late, Cause::overrun, "earlier polls on this connection took too long");
+    }
+  }
+  poll(lane);
+}
+
+void Poller::poll(Lane& lane) {
+  not_before_us_ = clock_.mono_us() + options_.spacing_us;
+  const std::uint64_t seq = lane.schedule->next();
+  PollResult result = link_->poll(lane.plan.source, options_.timeout);
+  const bool ok = result.ok;
+  if (!ok && clock_.stopped_at()) {
+    result.cause = Cause::shutdown;
+    result.detail = "stopped while waiting for the answer";
+  }
+  const Cause cause = result.cause;
+  const std::string detail = result.detail;
+  if (cause != Cause::shutdown || ok) {
+    judge_link(lane, seq, ok, cause, detail);
+  }
+  for (const LinkNote& note : result.notes) {
+    emit(lane, seq, note);
+  }
+  if (ok) {
+    store(lane, seq, std::move(result));
+  } else {
+    miss(lane, 1, cause, detail);
+  }
+}
+
+void Poller::store(Lane& lane, std::uint64_t seq, PollResult result) {
+  if (result.word_order) {
+    sink_.word_order(options_.robot, lane.plan.source, *result.word_order);
+  }
+  Answer answer;
+  answer.meta = {options_.robot, lane.plan.source, options_.session, seq, result.t_send_us, result.t_recv_us};
+  answer.body = std::move(result.body);
+  answer.header = std::move(result.header);
+  lane.gaps->recovered(result.t_send_us);  // first, so that rows reach the log in order
+  if (!sink_.answer(std::move(answer))) {
+    miss(lane, 1, Cause::queue_full, "the writer's queue is full; is the disk too slow?");
+    return;
+  }
+  lane.gaps->stored(seq, result.t_send_us, result.t_recv_us, result.cause, result.partial ? result.detail : "");
+  lane.counters.partial += result.partial ? 1 : 0;
+  lane.schedule->take();
+  lane.counters.planned = lane.schedule->next();
+  ++lane.counters.stored;
+}
+
+void Poller::miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail) {
+  if (count == 0) {
+    return;
+  }
+  const std::uint64_t seq = lane.schedule->next();
+  const Micros first_us = wall_of(lane.schedule->due_us(seq));
+  const Micros last_us = wall_of(lane.schedule->due_us(seq + count - 1));
+  lane.gaps->miss(seq, count, first_us, last_us, cause, detail);
+  lane.schedule->take(count);
+  lane.counters.planned = lane.schedule->next();
+  lane.counters.missed[static_cast<std::size_t>(cause)] += count;
+}
+
+void Poller::judge_link(const Lane& lane, std::uint64_t seq, bool ok, Cause cause, const std::string& detail) {
+  const bool connected = link_->connected();
+  if ((ok || connected) && (!up_.exchange(true) || !announced_)) {
+    announced_ = true;
+    emit(lane, seq, {EventKind::link_up, {}, {}, {}, {}});
+  }
+  if (connected) {
+    outage_.reset();
+    return;
+  }
+  const Micros backoff =
+      outage_ && !ok ? std::min(outage_->backoff_us * 2, options_.backoff_max_us) : options_.backoff_min_us;
+  outage_ = Outage{cause, detail, clock_.mono_us() + backoff, backoff};
+  if (up_.exchange(false) || !announced_) {
+    announced_ = true;
+    emit(lane, seq, {EventKind::link_down, {}, {}, std::string(cause_name(cause)), detail});
+  }
+}
+
+void Poller::emit(const Lane& lane, std::uint64_t seq, const LinkNote& note) {
+  Event event;
+  event.robot = options_.robot;
+  event.session = options_.session;
+  event.source = lane.plan.source;
+  event.kind = note.kind;
+  event.seq = seq;
+  event.t_us = clock_.wall_us();
+  event.t_from_us = event.t_us;
+  event.subject = note.subject;
+  event.old_value = note.old_value;
+  event.new_value = note.new_value;
+  event.detail = note.detail;
+  sink_.event(event);
+}
+
+void Poller::flush_old_gaps() {
+  const Micros wall_us = clock_.wall_us();
+  for (const auto& lane : lanes_) {
+    lane->gaps->flush_if_old(wall_us);
+  }
+}
+
+void Poller::finish(Micros end_us) {
+  for (const auto& lane : lanes_) {
+    // A poll that was started just before a stop may be due after the instant the stop was stamped with.
+    const std::uint64_t planned = std::max(lane->schedule->planned_before(end_us), lane->schedule->next());
+    miss(*lane, planned - lane->schedule->next(), Cause::shutdown, "the recorder was stopping");
+    lane->gaps->flush();
+    lane->counters.planned = planned;
+  }
+}
+
+}  // namespace tacho::recorder

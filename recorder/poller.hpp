@@ -1,0 +1,111 @@
+#pragma once
+// One thread per robot and protocol: asks the sources of one connection when they are due, and accounts for every poll
+// that was planned. stored + missed = planned holds per source when run() has returned.
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/clock.hpp"
+#include "recorder/gap_tracker.hpp"
+#include "recorder/link/link.hpp"
+#include "recorder/schedule.hpp"
+
+namespace tacho::recorder {
+
+/// Where a poller puts what it got. Called from the poller's thread.
+class Sink {
+ public:
+  virtual ~Sink() = default;
+  /// False: the queue is full and the answer is lost.
+  [[nodiscard]] virtual bool answer(Answer answer) = 0;
+  virtual void gap(const Gap& gap) = 0;
+  virtual void event(const Event& event) = 0;
+  virtual void word_order(RobotId robot, Source source, WordOrder order) = 0;
+};
+
+struct PolledSource {
+  Source source = Source::status;
+  Micros period_us = 1'000'000;
+  Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than the period
+};
+
+struct PollerOptions {
+  RobotId robot = 0;
+  SessionId session = 0;
+  std::vector<PolledSource> sources;
+  std::chrono::milliseconds timeout{1000};  ///< connecting included; one sweep for registers
+  Micros spacing_us = 100'000;              ///< least distance between the starts of two polls on the connection
+  Micros backoff_min_us = 200'000;
+  Micros backoff_max_us = 5'000'000;
+  Micros gap_flush_us = 60'000'000;
+};
+
+inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::shutdown) + 1;
+
+/// Counters of one source; written by the poller, readable from any thread.
+struct SourceCounters {
+  std::atomic<std::uint64_t> planned{0};  ///< by the schedule; final when run() has returned
+  std::atomic<std::uint64_t> stored{0};
+  std::atomic<std::uint64_t> partial{0};
+  std::array<std::atomic<std::uint64_t>, kCauseCount> missed{};
+  [[nodiscard]] std::uint64_t missed_total() const;
+};
+
+class Poller {
+ public:
+  /// `clock` and `sink` must outlive the poller.
+  Poller(PollerOptions options, std::unique_ptr<Link> link, Clock& clock, Sink& sink);
+
+  /// Polls from `start_us` until `end_us` (monotonic), or until the clock is stopped.
+  void run(Micros start_us, Micros end_us);
+  /// From any thread: ends a poll in progress.
+  void interrupt() { link_->interrupt(); }
+
+  [[nodiscard]] const PollerOptions& options() const { return options_; }
+  /// `index`: position in options().sources.
+  [[nodiscard]] const SourceCounters& counters(std::size_t index) const { return lanes_[index]->counters; }
+  [[nodiscard]] bool link_up() const { return up_; }
+
+ private:
+  struct Lane {
+    PolledSource plan;
+    std::optional<Schedule> schedule;
+    std::optional<GapTracker> gaps;
+    SourceCounters counters;
+  };
+  struct Outage {
+    Cause cause = Cause::timeout;
+    std::string detail;
+    Micros retry_us = 0;  // monotonic
+    Micros backoff_us = 0;
+  };
+
+  Lane& next_lane();
+  void serve(Lane& lane, Micros now_us);
+  void poll(Lane& lane);
+  void store(Lane& lane, std::uint64_t seq, PollResult result);
+  void miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail);
+  void judge_link(const Lane& lane, std::uint64_t seq, bool ok, Cause cause, const std::string& detail);
+  void emit(const Lane& lane, std::uint64_t seq, const LinkNote& note);
+  void flush_old_gaps();
+  void finish(Micros end_us);
+  [[nodiscard]] Micros wall_of(Micros mono_us) const;
+
+  PollerOptions options_;
+  std::unique_ptr<Link> link_;
+  Clock& clock_;
+  Sink& sink_;
+  std::vector<std::unique_ptr<Lane>> lanes_;  // counters are atomics: not movable
+  std::optional<Outage> outage_;
+  std::atomic<bool> up_{false};
+  bool announced_ = false;  // whether any link event was emitted: the first state is news, too
+  Micros not_before_us_ = 0;
+};
+
+}  // namespace tacho::recorder

@@ -1,0 +1,77 @@
+#pragma once
+// A recording: pollers in front, one writer behind. Owns every thread.
+//
+//   poller thread per robot and protocol -> queue -> one writer thread (Ingest, LogWriter)
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/clock.hpp"
+#include "recorder/config.hpp"
+#include "recorder/poller.hpp"
+
+namespace tacho::recorder {
+
+/// One source of one robot at the end of a recording. planned = stored + sum(missed).
+struct SourceSummary {
+  std::string robot;
+  Source source = Source::status;
+  std::uint64_t planned = 0;
+  std::uint64_t stored = 0;
+  std::uint64_t partial = 0;
+  std::array<std::uint64_t, kCauseCount> missed{};
+};
+
+struct Progress {
+  std::size_t robots = 0;
+  std::size_t robots_ok = 0;  ///< every connection of theirs is up
+  std::uint64_t rows = 0;
+  std::uint64_t missed = 0;
+  std::size_t queued = 0;
+  std::chrono::microseconds last_commit{0};
+  std::uint64_t stored_bytes = 0;
+};
+
+enum class Protocol : std::uint8_t { status_port, modbus };
+
+/// Makes the link of one robot; tests put their own in.
+using LinkFactory = std::function<std::unique_ptr<Link>(const RobotConfig&, Protocol)>;
+std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol);
+
+class Recorder {
+ public:
+  struct Options {
+    std::string config_text;                         ///< kept in the log verbatim
+    std::optional<Micros> run_for_us;                ///< empty: until stop()
+    std::function<void(const std::string&)> notice;  ///< what a person should see; called from the writer's thread
+    LinkFactory make = make_link;
+    std::size_t queue_items = 20'000;
+    std::size_t queue_bytes = 64u << 20;
+  };
+
+  /// Opens the log, begins a session and starts polling. Throws Error when the log cannot be written.
+  Recorder(const Config& config, Options options);
+  ~Recorder();  ///< stops and waits; the session ends unclean when finish() was not called
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+
+  /// Ends polling at once. Thread-safe.
+  void stop();
+  /// True when there is nothing to wait for: the time is over and every poller has returned, or the log broke.
+  [[nodiscard]] bool done() const;
+  [[nodiscard]] Progress progress() const;
+  /// Stops if need be, writes everything out, ends the session. Throws what broke the log, if something did.
+  std::vector<SourceSummary> finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tacho::recorder
