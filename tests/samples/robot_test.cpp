@@ -9,11 +9,11 @@
 #include "tests/support/catch.hpp"
 
 namespace sim = tacho::sim;
-using tacho::AlarmLevel;
-using tacho::Micros;
 using sim::Robot;
 using sim::RobotState;
 using sim::Scenario;
+using tacho::AlarmLevel;
+using tacho::Micros;
 
 namespace {
 
@@ -29,7 +29,8 @@ Scenario troubled(std::uint64_t seed) {
   return s;
 }
 
-/// |v| integrated over steps fine enough that each of them lies inside one piece of constant acceleration, or is refined.
+/// |v| integrated over steps fine enough that each of them lies inside one piece of constant acceleration, or is
+/// refined.
 double integrate(Robot& robot, Micros from, Micros to) {
   double sum = 0;
   double before = std::abs(robot.at(from).v_mps);
@@ -237,7 +238,8 @@ TEST_CASE("hot spots block where they are and as often as they say") {
 TEST_CASE("alarms in the truth are those in the states, and those that stop the robot do") {
   Scenario s;
   s.seed = 6;
-  s.alarms = {{AlarmLevel::error, 52200, 4, 60, 10, true, "stops"}, {AlarmLevel::warning, 54018, 6, 20, 0, false, "no"}};
+  s.alarms = {{AlarmLevel::error, 52200, 4, 60, 10, true, "stops"},
+              {AlarmLevel::warning, 54018, 6, 20, 0, false, "no"}};
   Robot robot(s, kStart);
   std::size_t raised = 0;
   bool before[2] = {};

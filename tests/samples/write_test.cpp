@@ -110,9 +110,8 @@ TEST_CASE("planned gaps become gap rows and use up numbers") {
   std::vector<tacho::Gap> gaps;
   tacho::Selection selection;
   selection.rows[0] = true;
-  log->read(2, {}, selection, [&](const tacho::Slice& slice) {
-    gaps.insert(gaps.end(), slice.gaps.begin(), slice.gaps.end());
-  });
+  log->read(2, {}, selection,
+            [&](const tacho::Slice& slice) { gaps.insert(gaps.end(), slice.gaps.begin(), slice.gaps.end()); });
   REQUIRE(gaps.size() == 2);
   CHECK(gaps[0].seq_from == 100);
   CHECK(gaps[0].seq_count == 30);
