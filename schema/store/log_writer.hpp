@@ -5,8 +5,9 @@
 // Thread rule: one thread. Everything appended since the last commit() is lost by a kill, and becomes a gap row with
 // cause recorder_killed when the log is opened again.
 //
-// When the disk fails, the call throws Error and everything since the last commit() is lost; the writer can be used on. The
-// polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report them.
+// When the disk fails, the call throws Error and everything since the last commit() is lost; the writer can be used on.
+// The polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report
+// them.
 
 #include <chrono>
 #include <cstdint>
@@ -49,8 +50,8 @@ class LogWriter {
   /// Declares a stream of this session. When an earlier session recorded the same stream, a recorder_off gap covers the
   /// time from its last row to this session's start.
   void declare(const Stream& stream);
-  /// Polls the schedule has asked for so far; kept in memory, written by end_session(). Without it: the number after the
-  /// last stored or missed poll.
+  /// Polls the schedule has asked for so far; kept in memory, written by end_session(). Without it: the number after
+  /// the last stored or missed poll.
   void planned(RobotId robot, Source source, std::uint64_t count);
   void set_word_order(RobotId robot, Source source, WordOrder order);
 
