@@ -8,7 +8,10 @@ namespace tacho {
 
 std::span<const AnalysisSpec> analyses() {
   static const std::vector<AnalysisSpec> rows{
+      kOdometry,
+      kBattery,
       kAlarms,
+      kBlockage,
   };
   return rows;
 }

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "analyzer/analyses/incident_signals.hpp"
+#include "analyzer/analyses/incident_tables.hpp"
 #include "schema/time.hpp"
 
 namespace tacho {
@@ -334,74 +335,6 @@ Finding RobotIncident::coverage_finding() const {
   f.severity = f.verdict == Verdict::pass ? 0 : 3;
   f.advice = "the moment itself was not recorded; the gap rows in the time line say why";
   return f;
-}
-
-DataTable timeline_table() {
-  DataTable table;
-  table.name = "timeline";
-  table.title = "Time line";
-  table.columns = {{"t", "", "when it was seen; for a gap, when it began", false, true},
-                   {"offset_s", "s", "seconds after the moment asked for"},
-                   {"robot", "", "robot"},
-                   {"kind", "", "event, alarm, gap, change, or the moment asked for"},
-                   {"source", "", "source it was seen in"},
-                   {"what", "", "event, alarm code, gap cause, or field"},
-                   {"old", "", "value before"},
-                   {"new", "", "value after"},
-                   {"detail", "", "alarm text, words of the system"},
-                   {"hull_from", "", "it happened after this time", false, true},
-                   {"hull_to", "", "and not later than this one", false, true}};
-  return table;
-}
-
-DataTable signals_table() {
-  return {"signals",
-          "Signals that changed, the most striking first",
-          {{"robot", "", "robot"},
-           {"field", "", "field; angles are unwrapped"},
-           {"unit", "", "unit of the five values"},
-           {"source", "", "source with the most answers in the window"},
-           {"first", "", "first value in the window"},
-           {"min", "", "least value"},
-           {"max", "", "greatest value"},
-           {"last", "", "last value in the window"},
-           {"largest_step", "", "largest change between two answers"},
-           {"step_from", "", "answer before the largest change", false, true},
-           {"step_to", "", "answer after it", false, true},
-           {"materiality", "1", "range over the change that counts for this unit (0.05 m, 0.2 V, 1 degC ...)"}},
-          {},
-          false};
-}
-
-DataTable state_table() {
-  return {"state",
-          "State at the moment asked for",
-          {{"robot", "", "robot"},
-           {"field", "", "field, or alarm"},
-           {"value", "", "last value before the moment"},
-           {"unit", "", "unit of the value"},
-           {"state", "", "present, null, not_meaningful, not_supplied or wrong_type"},
-           {"source", "", "source of the value"},
-           {"age_s", "s", "how old the value was"}},
-          {},
-          false};
-}
-
-DataTable quality_table() {
-  return {"quality",
-          "Data quality in the window",
-          {{"robot", "", "robot"},
-           {"source", "", "source"},
-           {"period_s", "s", "planned period"},
-           {"stored", "", "answers"},
-           {"missed", "", "planned polls without an answer; gaps that reach beyond the window count in proportion"},
-           {"partial", "", "answers of which some registers are missing"},
-           {"causes", "", "causes of gaps"},
-           {"longest_hole_s", "s", "longest time between two polls"},
-           {"worst_round_trip_s", "s", "longest time from request to answer"},
-           {"clock_offset", "s", "robot clock minus host clock, nearest to the moment"}},
-          {},
-          false};
 }
 
 void fill_timeline(DataTable& table, std::vector<Line> lines, const IncidentQuery& query) {

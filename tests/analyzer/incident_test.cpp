@@ -1,0 +1,261 @@
+#include "analyzer/analyses/incident.hpp"
+
+#include "tests/support/catch.hpp"
+#include "tests/support/memory_log.hpp"
+
+using namespace tacho;
+using test::MemoryLog;
+
+namespace {
+
+constexpr double kAt = 1000.0;
+
+/// A robot at 1 Hz that drives, is blocked from 995 to 1010, and raises error 52201 from 998 to 1003.
+MemoryLog blocked_robot() {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("amb-01");
+  log.period(robot, Source::status, 1.0);
+  for (int t = 900; t < 1060; ++t) {
+    Sample& s = log.row(robot, Source::status, t);
+    const bool blocked = t >= 995 && t < 1010;
+    MemoryLog::set(s, "x", t < 995 ? t - 900.0 : t < 1010 ? 95.0 : t - 915.0);
+    MemoryLog::set(s, "vx", blocked ? 0.0001 : 1.0);
+    MemoryLog::set(s, "voltage", 50.0 + 0.001 * (t % 3));
+    MemoryLog::set(s, "uptime", t + 5000.0);
+    MemoryLog::set_int(s, "blocked", blocked ? 1 : 0);
+    MemoryLog::set_text(s, "current_station", t < 1005 ? "LM1" : "LM2");
+    MemoryLog::set_text(s, "create_on", "stamp " + std::to_string(t));
+    if (blocked) {
+      MemoryLog::set_int(s, "block_reason", 1);
+    } else {
+      MemoryLog::set_state(s, "block_reason", State::not_meaningful);
+    }
+    MemoryLog::no_alarms(s);
+    if (t >= 998 && t < 1003) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52201, 1'767'226'598);
+    }
+  }
+  return log;
+}
+
+Section run(MemoryLog& log, double at = kAt) {
+  IncidentQuery query;
+  query.at_us = MemoryLog::micros(at);
+  return incident(log, {}, query);
+}
+
+const DataTable& table(const Section& section, const std::string& name) {
+  for (const DataTable& t : section.tables) {
+    if (t.name == name) {
+      return t;
+    }
+  }
+  throw std::runtime_error("no table " + name);
+}
+
+std::size_t column(const DataTable& t, const std::string& name) {
+  for (std::size_t i = 0; i < t.columns.size(); ++i) {
+    if (t.columns[i].name == name) {
+      return i;
+    }
+  }
+  throw std::runtime_error("no column " + name);
+}
+
+std::string text(const DataTable& t, std::size_t row, const std::string& name) {
+  const Value& value = t.rows[row][column(t, name)];
+  return std::holds_alternative<std::string>(value) ? std::get<std::string>(value) : "";
+}
+double real(const DataTable& t, std::size_t row, const std::string& name) {
+  return std::get<double>(t.rows[row][column(t, name)]);
+}
+Micros time_of(const DataTable& t, std::size_t row, const std::string& name) {
+  return std::get<Time>(t.rows[row][column(t, name)]).us;
+}
+
+/// Rows of the time line about `what`.
+std::vector<std::size_t> about(const DataTable& t, const std::string& what) {
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < t.rows.size(); ++i) {
+    if (text(t, i, "what") == what) {
+      rows.push_back(i);
+    }
+  }
+  return rows;
+}
+
+}  // namespace
+
+TEST_CASE("a change is in the time line once, with the hull between the two answers it was seen in") {
+  MemoryLog log = blocked_robot();
+  const Section section = run(log);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "blocked");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(line, rows[0], "old") == "false");
+  CHECK(text(line, rows[0], "new") == "true");
+  CHECK(time_of(line, rows[0], "hull_from") == MemoryLog::micros(994.0));
+  CHECK(time_of(line, rows[0], "hull_to") == MemoryLog::micros(995.004));
+  CHECK(time_of(line, rows[0], "t") == MemoryLog::micros(995.004));
+  CHECK(real(line, rows[0], "offset_s") == Approx(-4.996));
+}
+
+TEST_CASE("the time line is in the order of time and holds the moment asked for") {
+  MemoryLog log = blocked_robot();
+  const Section section = run(log);
+  const DataTable& line = table(section, "timeline");
+  for (std::size_t i = 1; i < line.rows.size(); ++i) {
+    CHECK(time_of(line, i - 1, "t") <= time_of(line, i, "t"));
+  }
+  const auto mark = about(line, "the moment asked for");
+  REQUIRE(mark.size() == 1);
+  CHECK(time_of(line, mark[0], "t") == MemoryLog::micros(kAt));
+}
+
+TEST_CASE("alarms are raised and cleared in the time line, and stand in the state while they last") {
+  MemoryLog log = blocked_robot();
+  const Section section = run(log);
+  const auto rows = about(table(section, "timeline"), "error 52201");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(table(section, "timeline"), rows[0], "new") == "raised");
+  CHECK(text(table(section, "timeline"), rows[1], "new") == "cleared");
+  const DataTable& state = table(section, "state");
+  std::size_t alarms = 0;
+  for (std::size_t i = 0; i < state.rows.size(); ++i) {
+    alarms += text(state, i, "field") == "alarm" && text(state, i, "value") == "error 52201" ? 1 : 0;
+  }
+  CHECK(alarms == 1);
+}
+
+TEST_CASE("an event of the log replaces the change of its field in the same answer") {
+  MemoryLog log = blocked_robot();
+  Event event;
+  event.robot = 1;
+  event.kind = EventKind::blocked;
+  event.seq = 95;  // the answer at 995 s
+  event.t_from_us = MemoryLog::micros(994.0);
+  event.t_us = MemoryLog::micros(995.004);
+  event.old_value = "false";
+  event.new_value = "true";
+  log.event(event);
+  const Section section = run(log);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "blocked");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(line, rows[0], "kind") == "event");
+  CHECK(text(line, rows[1], "kind") == "change");
+}
+
+TEST_CASE("signals that changed are listed with their largest step, noise and running clocks are not") {
+  MemoryLog log = blocked_robot();
+  const Section section = run(log);
+  const DataTable& signals = table(section, "signals");
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < signals.rows.size(); ++i) {
+    names.push_back(text(signals, i, "field"));
+  }
+  REQUIRE(names == std::vector<std::string>{"x", "vx"});
+  CHECK(real(signals, 1, "first") == 1.0);
+  CHECK(real(signals, 1, "min") == 0.0001);
+  CHECK(real(signals, 1, "largest_step") == Approx(-0.9999));
+  CHECK(time_of(signals, 1, "step_to") == MemoryLog::micros(995.004));
+  CHECK(section.notes.back().find("create_on") != std::string::npos);
+}
+
+TEST_CASE("an angle that passes pi has not jumped") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t < 60; ++t) {
+    MemoryLog::set(log.row(robot, Source::status, t), "angle", std::remainder(3.0 + 0.01 * t, 6.283185307179586));
+  }
+  const Section section = run(log, 30.0);
+  const DataTable& signals = table(section, "signals");
+  REQUIRE(signals.rows.size() == 1);
+  CHECK(real(signals, 0, "largest_step") == Approx(0.01).margin(1e-9));
+  CHECK(real(signals, 0, "max") == Approx(3.59).margin(1e-9));
+}
+
+TEST_CASE("the state says what was known at the moment, how old it was, and what was not meaningful") {
+  MemoryLog log = blocked_robot();
+  const Section before = run(log, 980.5);
+  const DataTable& state = table(before, "state");
+  std::map<std::string, std::size_t> rows;
+  for (std::size_t i = 0; i < state.rows.size(); ++i) {
+    rows[text(state, i, "field")] = i;
+  }
+  CHECK(text(state, rows.at("blocked"), "value") == "false");
+  CHECK(text(state, rows.at("block_reason"), "state") == "not_meaningful");
+  CHECK(text(state, rows.at("block_reason"), "value").empty());
+  CHECK(text(state, rows.at("current_station"), "value") == "LM1");
+  CHECK(real(state, rows.at("x"), "age_s") == Approx(0.496));
+  const Section during = run(log);
+  const DataTable& later = table(during, "state");
+  for (std::size_t i = 0; i < later.rows.size(); ++i) {
+    if (text(later, i, "field") == "block_reason") {
+      CHECK(text(later, i, "value") == "laser");
+    }
+  }
+}
+
+TEST_CASE("a gap that began long before the window and reaches into it is in the time line and in the data quality") {
+  MemoryLog log = blocked_robot();
+  Gap gap;
+  gap.robot = 1;
+  gap.source = Source::status;
+  gap.seq_count = 100;
+  gap.t_from_us = MemoryLog::micros(850.0);
+  gap.t_to_us = MemoryLog::micros(950.0);
+  gap.cause = Cause::timeout;
+  gap.detail = "no answer within 1 s";
+  log.gap(gap);
+  const Section section = run(log);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "timeout");
+  REQUIRE(rows.size() == 1);
+  CHECK(text(line, rows[0], "kind") == "gap");
+  CHECK(text(line, rows[0], "new") == "100 polls missed");
+  const DataTable& quality = table(section, "quality");
+  REQUIRE(quality.rows.size() == 1);
+  CHECK(real(quality, 0, "missed") == 10.0);  // 940 to 950 of 850 to 950
+  CHECK(std::get<std::int64_t>(quality.rows[0][column(quality, "stored")]) == 90);
+  CHECK(text(quality, 0, "causes") == "timeout");
+}
+
+TEST_CASE("a moment that was not recorded is UNKNOWN, not empty success") {
+  MemoryLog log = blocked_robot();
+  const Section far = run(log, 50'000.0);
+  REQUIRE(far.findings.size() == 1);
+  CHECK(far.findings[0].verdict == Verdict::unknown);
+  CHECK_FALSE(far.findings[0].value.reason.empty());
+  CHECK(run(log).findings[0].verdict == Verdict::pass);
+  MemoryLog empty;
+  CHECK(run(empty).findings.empty());
+}
+
+TEST_CASE("cutting the log into other slices changes nothing in the incident") {
+  MemoryLog whole = blocked_robot();
+  const Section expected = run(whole);
+  for (const std::size_t rows : {1U, 7U, 50U}) {
+    MemoryLog log = blocked_robot();
+    log.slice_rows(rows);
+    const Section section = run(log);
+    CHECK(table(section, "timeline").rows.size() == table(expected, "timeline").rows.size());
+    CHECK(table(section, "signals").rows.size() == table(expected, "signals").rows.size());
+    CHECK(table(section, "state").rows.size() == table(expected, "state").rows.size());
+  }
+}
+
+TEST_CASE("inputs and outputs change in the time line, from the first time they are seen on") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t < 20; ++t) {
+    Sample& s = log.row(robot, Source::io, t);
+    MemoryLog::set_int(s, "di", 1);
+    s.points.push_back({false, t >= 12, 1, 3, 0});
+  }
+  const Section section = run(log, 10.0);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "DI 3");
+  REQUIRE(rows.size() == 1);
+  CHECK(text(line, rows[0], "new") == "on");
+}

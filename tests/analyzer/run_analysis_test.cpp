@@ -1,0 +1,140 @@
+#include "analyzer/analysis.hpp"
+#include "tests/support/catch.hpp"
+#include "tests/support/memory_log.hpp"
+
+using namespace tacho;
+using test::MemoryLog;
+
+namespace {
+
+/// Counts rows per source, sums a field, and notes the order of merges.
+class Counter final : public Analysis {
+ public:
+  explicit Counter(const RobotContext& context) : robots_(context.robot.name) {}
+  void fold(const Slice& slice) override {
+    for (const Batch& batch : slice.batches) {
+      rows_[static_cast<std::size_t>(batch.source)] += static_cast<std::int64_t>(batch.rows());
+      if (const Column* x = batch.find(field("x"))) {
+        for (std::size_t i = 0; i < batch.rows(); ++i) {
+          sum_ += x->has(i) ? x->real[i] : 0.0;
+        }
+      }
+    }
+    events_ += static_cast<std::int64_t>(slice.events.size());
+  }
+  void merge(Analysis& other) override {
+    auto& o = dynamic_cast<Counter&>(other);
+    robots_ += "," + o.robots_;
+    for (std::size_t s = 0; s < kSourceCount; ++s) {
+      rows_[s] += o.rows_[s];
+    }
+    sum_ += o.sum_;
+    events_ += o.events_;
+  }
+  Section finish() override {
+    Section section;
+    section.name = "counter";
+    section.tables = {{"t", "", {}, {{robots_, rows_[0], rows_[2], sum_, events_}}, false}};
+    return section;
+  }
+
+ private:
+  std::string robots_;
+  std::array<std::int64_t, kSourceCount> rows_{};
+  double sum_ = 0.0;
+  std::int64_t events_ = 0;
+};
+
+std::unique_ptr<Analysis> make(const RobotContext& context) { return std::make_unique<Counter>(context); }
+std::vector<Need> position() { return {{field("x"), {Source::status, Source::registers}}}; }
+std::vector<Need> voltage() { return {{field("voltage"), {Source::registers}}}; }
+
+constexpr AnalysisSpec kPosition{"position", "?", &position, &make};
+constexpr AnalysisSpec kVoltage{"voltage", "?", &voltage, &make};
+
+MemoryLog two_robots() {
+  MemoryLog log;
+  const RobotId a = log.add_robot("a");
+  const RobotId b = log.add_robot("b");
+  for (int i = 0; i < 10; ++i) {
+    MemoryLog::set(log.row(a, Source::status, i), "x", 1.0);
+    MemoryLog::set(log.row(a, Source::registers, i + 0.5), "voltage", 50.0);
+    MemoryLog::set(log.row(b, Source::registers, i), "x", 2.0);
+  }
+  return log;
+}
+
+const std::vector<Value>& row(const Section& section) { return section.tables[0].rows[0]; }
+
+}  // namespace
+
+TEST_CASE("a field is read from the best source that ever gave it") {
+  MemoryLog log = two_robots();
+  RobotContext context;
+  for (const Coverage& c : log.coverage()) {
+    if (c.robot == 1) {
+      context.coverage.push_back(c);
+    }
+  }
+  CHECK(context.choose({field("x"), {Source::registers, Source::status}}) == Source::status);
+  CHECK(context.choose({field("voltage"), {Source::status, Source::registers}}) == Source::registers);
+  CHECK_FALSE(context.choose({field("odo"), {Source::status, Source::registers}}));
+  CHECK(context.find(Source::status)->stored == 10);
+  CHECK(context.find(Source::io) == nullptr);
+}
+
+TEST_CASE("robots are folded apart and merged in the order of their ids") {
+  MemoryLog log = two_robots();
+  const Section section = run_analysis(kPosition, log, {}, {}, "UTC", {});
+  CHECK(std::get<std::string>(row(section)[0]) == "a,b");
+  CHECK(std::get<std::int64_t>(row(section)[1]) == 10);
+  CHECK(std::get<std::int64_t>(row(section)[2]) == 10);
+  CHECK(std::get<double>(row(section)[3]) == 30.0);
+}
+
+TEST_CASE("only the robots and the period asked for are read") {
+  MemoryLog log = two_robots();
+  const std::vector<RobotId> second{2};
+  const Window window{MemoryLog::micros(2.0), MemoryLog::micros(5.0)};
+  const Section section = run_analysis(kPosition, log, second, window, "UTC", {});
+  CHECK(std::get<std::string>(row(section)[0]) == "b");
+  CHECK(std::get<double>(row(section)[3]) == 6.0);
+}
+
+TEST_CASE("several analyses in one pass see what each would see alone") {
+  MemoryLog log = two_robots();
+  const std::vector<AnalysisSpec> specs{kPosition, kVoltage};
+  const std::vector<Section> together = run_analyses(specs, log, {}, {}, "UTC", {});
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    const Section alone = run_analysis(specs[i], log, {}, {}, "UTC", {});
+    INFO(specs[i].name);
+    for (const std::size_t column : {1U, 2U}) {
+      CHECK(std::get<std::int64_t>(row(together[i])[column]) == std::get<std::int64_t>(row(alone)[column]));
+    }
+  }
+  CHECK(std::get<std::int64_t>(row(together[1])[1]) == 0);
+}
+
+TEST_CASE("cutting the log into other slices changes nothing") {
+  for (const std::size_t rows : {0U, 1U, 3U, 7U}) {
+    MemoryLog log = two_robots();
+    log.slice_rows(rows);
+    CHECK(std::get<double>(row(run_analysis(kPosition, log, {}, {}, "UTC", {}))[3]) == 30.0);
+  }
+}
+
+TEST_CASE("a log without robots still gets an answer from every analysis") {
+  MemoryLog log;
+  const Section section = run_analysis(kPosition, log, {}, {}, "UTC", {});
+  CHECK(section.name == "counter");
+  CHECK(std::get<std::int64_t>(row(section)[1]) == 0);
+  for (const AnalysisSpec& spec : analyses()) {
+    INFO(spec.name);
+    const Section empty = run_analysis(spec, log, {}, {}, "UTC", {});
+    CHECK(empty.name == spec.name);
+    for (const Finding& finding : empty.findings) {
+      INFO(finding.id);
+      CHECK((finding.verdict == Verdict::unknown || finding.verdict == Verdict::not_applicable));
+    }
+  }
+}

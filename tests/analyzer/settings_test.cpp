@@ -1,0 +1,116 @@
+#include "analyzer/settings.hpp"
+
+#include <set>
+
+#include "schema/error.hpp"
+#include "tests/support/catch.hpp"
+#include "tests/support/temp_dir.hpp"
+
+using namespace tacho;
+using test::TempDir;
+
+namespace {
+
+/// The message that loading this text gives.
+std::string refusal(const std::string& text) {
+  TempDir dir;
+  std::ofstream(dir / "config.toml") << text;
+  try {
+    Settings::load(dir / "config.toml");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+Settings load(const std::string& text) {
+  TempDir dir;
+  std::ofstream(dir / "config.toml") << text;
+  return Settings::load(dir / "config.toml");
+}
+
+/// The first setting that has a default: tests hold for whatever table the analyses bring.
+const SettingRow& some_row() {
+  for (const SettingRow& row : setting_rows()) {
+    if (row.fallback) {
+      return row;
+    }
+  }
+  throw std::runtime_error("no setting has a default");
+}
+
+std::string table_of(const SettingRow& row) { return std::string(row.name.substr(0, row.name.find('.'))); }
+std::string key_of(const SettingRow& row) { return std::string(row.name.substr(row.name.find('.') + 1)); }
+
+}  // namespace
+
+TEST_CASE("every setting has a table, a key, a meaning, and a name of its own") {
+  std::set<std::string_view> names;
+  for (const SettingRow& row : setting_rows()) {
+    INFO(row.name);
+    CHECK(row.name.find('.') != std::string_view::npos);
+    CHECK_FALSE(row.meaning.empty());
+    CHECK(names.insert(row.name).second);
+  }
+  CHECK(names.size() >= 4);
+}
+
+TEST_CASE("a setting that is not configured has its default and says so") {
+  const Settings settings;
+  for (const SettingRow& row : setting_rows()) {
+    INFO(row.name);
+    CHECK(settings.get(row.name).value == row.fallback);
+    CHECK(settings.get(row.name).source == (row.fallback ? "default" : "not configured"));
+  }
+}
+
+TEST_CASE("a configured value comes with its file and line") {
+  const SettingRow& row = some_row();
+  const Settings settings = load("# facts\n\n[" + table_of(row) + "]\n" + key_of(row) + " = 7\n");
+  CHECK(settings.number(row.name) == 7.0);
+  CHECK(settings.get(row.name).source == "config.toml:4");
+}
+
+TEST_CASE("a value of one robot wins over the general one, for that robot only") {
+  const SettingRow& row = some_row();
+  const Settings settings = load("[" + table_of(row) + "]\n" + key_of(row) + " = 7.5\n[robot.\"amb 01/a\"." +
+                                 table_of(row) + "]\n" + key_of(row) + " = 8.5\n");
+  CHECK(settings.number(row.name) == 7.5);
+  CHECK(settings.number(row.name, "amb 01/a") == 8.5);
+  CHECK(settings.number(row.name, "amb 02") == 7.5);
+  CHECK(settings.get(row.name, "amb 01/a").source == "config.toml:4");
+  CHECK(settings.robots() == std::vector<std::string>{"amb 01/a"});
+}
+
+TEST_CASE("an unknown key is refused with its place and the nearest name") {
+  const SettingRow& row = some_row();
+  const std::string misspelt = key_of(row) + "x";
+  const std::string message = refusal("[" + table_of(row) + "]\n" + misspelt + " = 1\n");
+  INFO(message);
+  CHECK(message.find("config.toml:2") != std::string::npos);
+  CHECK(message.find("did you mean '" + std::string(row.name) + "'") != std::string::npos);
+  CHECK(refusal("nonsense = 3\n").find("config.toml:1") != std::string::npos);
+  CHECK(refusal("[zzzzzzzzzz]\nqqqqqqqqqqqq = 3\n").find("no such setting") != std::string::npos);
+}
+
+TEST_CASE("what is no finite number, no table or no TOML is refused with its place") {
+  const SettingRow& row = some_row();
+  const std::string head = "[" + table_of(row) + "]\n" + key_of(row) + " = ";
+  for (const char* value : {"\"fast\"", "true", "[1]", "nan", "inf"}) {
+    INFO(value);
+    CHECK(refusal(head + value + "\n").find("config.toml:2: " + std::string(row.name) + ": not a number") !=
+          std::string::npos);
+  }
+  CHECK(refusal("robot = 3\n").find("config.toml:1") != std::string::npos);
+  CHECK(refusal("[robot]\nx = 3\n").find("config.toml:2") != std::string::npos);
+  CHECK(refusal("a = \n").find("config.toml:1") != std::string::npos);
+  CHECK_THROWS_AS(Settings::load("/nonexistent/config.toml"), Error);
+}
+
+TEST_CASE("a value set by hand says where it came from") {
+  const SettingRow& row = some_row();
+  Settings settings;
+  settings.set(row.name, 3.0, "command line");
+  CHECK(settings.number(row.name, "any robot") == 3.0);
+  CHECK(settings.get(row.name).source == "command line");
+}
