@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "schema/signals.hpp"
 #include "schema/time.hpp"
 
 namespace tacho {
@@ -19,97 +20,9 @@ namespace tacho {
 namespace {
 
 constexpr double kUptimeToleranceS = 1.0;
-constexpr double kLongestUptimeS = 1e10;  // 300 years: more is no uptime
+constexpr double kLongestUptimeS = 1e10;        // 300 years: more is no uptime
 constexpr std::size_t kUnknownKeyEvents = 200;  // a robot that makes up keys must not fill the log
 constexpr Micros kPointSilenceUs = 3'000'000;
-
-std::string flag_text(bool on) { return on ? "true" : "false"; }
-
-std::string value_text(const Sample& sample, FieldIndex f) {
-  const Cell& cell = sample.at(f);
-  const Field& row = field_at(f);
-  switch (row.kind) {
-    case Kind::flag:
-      return flag_text(cell.integer != 0);
-    case Kind::text:
-      return std::string(sample.text(f));
-    case Kind::code: {
-      const std::string_view name = code_name(row, cell.integer);
-      return name.empty() ? std::to_string(cell.integer) : std::string(name);
-    }
-    default:
-      return std::to_string(cell.integer);
-  }
-}
-
-/// A state whose change is an event: how to read it from a sample, empty when the sample does not tell.
-struct Signal {
-  EventKind kind;
-  std::string_view subject;
-  std::vector<FieldIndex> fields;
-  std::optional<std::string> (*read)(const Sample& sample, const std::vector<FieldIndex>& fields);
-};
-
-std::optional<std::string> read_value(const Sample& sample, const std::vector<FieldIndex>& fields) {
-  return sample.at(fields[0]).has() ? std::optional<std::string>(value_text(sample, fields[0])) : std::nullopt;
-}
-
-std::optional<std::string> read_version(const Sample& sample, const std::vector<FieldIndex>& fields) {
-  std::string text;
-  for (const FieldIndex f : fields) {
-    if (!sample.at(f).has()) {
-      return std::nullopt;
-    }
-    text += fmt::format("{}{}", text.empty() ? "" : ".", sample.at(f).integer);
-  }
-  return text;
-}
-
-/// Fields: locked, nick name, address.
-std::optional<std::string> read_owner(const Sample& sample, const std::vector<FieldIndex>& fields) {
-  if (!sample.at(fields[0]).has()) {
-    return std::nullopt;
-  }
-  if (sample.at(fields[0]).integer == 0) {
-    return "nobody";
-  }
-  const auto text = [&](FieldIndex f) { return sample.at(f).has() ? std::string(sample.text(f)) : std::string(); };
-  const std::string name = text(fields[1]);
-  const std::string address = text(fields[2]);
-  return (name.empty() ? "somebody" : name) + (address.empty() ? "" : " (" + address + ")");
-}
-
-const std::vector<Signal>& signals() {
-  static const std::vector<Signal> table{
-      {EventKind::identity, "vehicle_id", {field("vehicle_id")}, read_value},
-      {EventKind::identity, "mac", {field("mac")}, read_value},
-      {EventKind::identity, "model_md5", {field("model_md5")}, read_value},
-      {EventKind::identity,
-       "firmware",
-       {field("version_major"), field("version_minor"), field("version_patch"), field("version_redistribute")},
-       read_version},
-      {EventKind::map, "name", {field("current_map")}, read_value},
-      {EventKind::map, "md5", {field("current_map_md5")}, read_value},
-      {EventKind::map, "number", {field("map_number")}, read_value},
-      {EventKind::localisation, "", {field("reloc_status")}, read_value},
-      {EventKind::localisation, "", {field("reloc_status_register")}, read_value},
-      {EventKind::control_owner,
-       "",
-       {field("current_lock_locked"), field("current_lock_nick_name"), field("current_lock_ip")},
-       read_owner},
-      {EventKind::control_owner, "", {field("control_preempted")}, read_value},
-      {EventKind::emergency, "", {field("emergency")}, read_value},
-      {EventKind::emergency, "software", {field("soft_emc")}, read_value},
-      {EventKind::driver_emergency, "", {field("driver_emc")}, read_value},
-      {EventKind::blocked, "", {field("blocked")}, read_value},
-      {EventKind::slowed, "", {field("slowed")}, read_value},
-      {EventKind::charging, "", {field("charging")}, read_value},
-      {EventKind::task, "", {field("task_status")}, read_value},
-      {EventKind::station, "current_station", {field("current_station")}, read_value},
-      {EventKind::station, "current_station_id", {field("current_station_id")}, read_value},
-  };
-  return table;
-}
 
 constexpr std::array<FieldIndex, 4> kAlarmFields{field("fatals"), field("errors"), field("warnings"), field("notices")};
 constexpr FieldIndex kUptime = field("uptime");
@@ -211,6 +124,7 @@ struct Point {
   std::optional<bool> status;
   Micros t_us = 0;
   std::array<std::optional<Micros>, 3> told_us;  // by rank
+  std::uint64_t told_in = 0;                     // number of the answer that told it last
 };
 
 /// What one source has said so far.
@@ -249,6 +163,7 @@ bool restarted(const Standing& before, const Standing& now) {
 struct EventMachine::Impl {
   std::array<SourceState, kSourceCount> sources;
   std::map<PointKey, Point> points;  // of all sources
+  std::uint64_t answers = 0;         // that told points
 
   /// One call of step().
   struct Step {
@@ -363,6 +278,7 @@ struct EventMachine::Impl {
 
   void digital_points(const Step& step) {
     const Sample& sample = step.sample;
+    ++answers;
     for (const IoPoint& item : sample.points) {
       const std::string_view origin = sample.texts.at(item.source);
       point(step, {item.output, item.id}, item.status, origin == "normal" ? "" : origin);
@@ -378,6 +294,10 @@ struct EventMachine::Impl {
 
   void point(const Step& step, PointKey key, bool status, std::string_view detail) {
     Point& known = points[key];
+    if (known.told_in == answers) {
+      return;  // the same number twice in one answer: the first counts
+    }
+    known.told_in = answers;
     const auto rank = static_cast<std::size_t>(point_rank(step.sample.meta.source));
     const Micros now = step.sample.meta.t_recv_us;
     known.told_us[rank] = now;

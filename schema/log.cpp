@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <cassert>
 #include <cstdlib>
 #include <map>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "schema/events.hpp"
+#include "schema/signals.hpp"
 #include "schema/store/log_reader.hpp"
 #include "schema/time.hpp"
 #include "schema/wire/registers.hpp"
@@ -34,21 +34,11 @@ bool update_text(const Sample& sample, FieldIndex f, std::string& kept) {
 }
 
 bool update_firmware(const Sample& sample, std::string& kept) {
-  constexpr std::array<FieldIndex, 4> kParts{field("version_major"), field("version_minor"), field("version_patch"),
-                                             field("version_redistribute")};
-  std::string text;
-  bool zero = true;
-  for (const FieldIndex f : kParts) {
-    if (!sample.at(f).has()) {
-      return false;
-    }
-    zero = zero && sample.at(f).integer == 0;
-    text += fmt::format("{}{}", text.empty() ? "" : ".", sample.at(f).integer);
-  }
-  if (zero || text == kept) {
+  const std::optional<std::string> told = firmware_text(sample);
+  if (!told || *told == "0.0.0.0" || *told == kept) {
     return false;
   }
-  kept = text;
+  kept = *told;
   return true;
 }
 

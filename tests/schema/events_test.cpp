@@ -253,6 +253,13 @@ TEST_CASE("when the best source of a point falls silent the next one takes over,
         "digital_input DI 20 false->true");  // only status tells point 20 now
 }
 
+TEST_CASE("a point told twice in one answer makes no edges of its own", "[events]") {
+  Feed feed;
+  const char* const body = R"({"DI":[{"id":1,"status":true},{"id":1,"status":false}]})";
+  feed.json(1, body);
+  CHECK(feed.json(2, body).empty());
+}
+
 TEST_CASE("who has control is one value", "[events]") {
   Feed feed;
   feed.json(1, R"({"current_lock":{"locked":false}})");

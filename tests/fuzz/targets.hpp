@@ -1,0 +1,16 @@
+#pragma once
+// The laws that any bytes whatever must obey. A broken one aborts. libFuzzer feeds them at random, corpus_test.cpp
+// feeds them the committed corpus.
+
+#include <string_view>
+
+namespace tacho::fuzz {
+
+/// Frames: every chunking gives the same frames; what was decoded encodes to the same bytes.
+void frame(std::string_view bytes);
+/// 11100 / 11013 bodies: decoding is repeatable, and a field alone decodes as it does among all.
+void status_json(std::string_view bytes);
+/// Register images: the first byte chooses the word order, the rest is the image.
+void registers(std::string_view bytes);
+
+}  // namespace tacho::fuzz
