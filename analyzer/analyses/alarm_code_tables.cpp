@@ -36,61 +36,57 @@ struct CodeSum {
   bool censored_set = false;
 };
 
-/// The intervals of one key of one robot, added to a sum.
-void add(CodeSum& sum, const RobotAlarms& robot, const AlarmRules& rules) {
-  std::vector<AlarmInterval> mine;
-  for (const AlarmInterval& a : robot.intervals()) {
-    if (a.key == sum.key) {
-      mine.push_back(a);
-    }
-  }
-  for (const AlarmInterval& a : mine) {
-    const Span active = active_s(a, robot.exposure.first_us);
-    sum.raises += a.counts() ? 1 : 0;
-    sum.repeats += a.repeats;
-    sum.active.mid += active.mid;
-    sum.active.lo += active.lo;
-    sum.active.hi += active.hi;
-    sum.stopped_s += a.stopped_s;
-    sum.stopped_first_s += a.stopped_first_s;
-    sum.censored_set = sum.censored_set || a.censored_set;
-  }
-  const Lasting brief = fleeting(mine, rules.fleeting_s);
-  const Lasting old = stale(mine, rules.stale_s);
+void add(CodeSum& sum, const AlarmInterval& a, const RobotAlarms& robot, const AlarmRules& rules) {
+  const Span active = active_s(a, robot.exposure.first_us);
+  const Lasting brief = fleeting({&a, 1}, rules.fleeting_s);
+  sum.raises += a.counts() ? 1 : 0;
+  sum.listed += 1;
+  sum.repeats += a.repeats;
+  sum.active.mid += active.mid;
+  sum.active.lo += active.lo;
+  sum.active.hi += active.hi;
+  sum.stopped_s += a.stopped_s;
+  sum.stopped_first_s += a.stopped_first_s;
   sum.fleeting.sure += brief.sure;
   sum.fleeting.possible += brief.possible;
-  sum.stale.sure += old.sure;
-  sum.stale.possible += old.possible;
-  sum.listed += static_cast<std::int64_t>(mine.size());
-  sum.robots += mine.empty() ? 0 : 1;
-  const auto words = robot.words.find(sum.key);
-  if (words != robot.words.end() && !words->second.desc.empty()) {
-    sum.desc = words->second.desc;
-  }
+  sum.stale.sure += stale({&a, 1}, rules.stale_s).sure;
+  sum.censored_set = sum.censored_set || a.censored_set;
 }
 
-std::set<AlarmKey> keys_of(const RobotAlarms& robot) {
-  std::set<AlarmKey> keys;
+void add_exposure(CodeSum& sum, const RobotAlarms& robot) {
+  sum.hours += robot.exposure.level_s[static_cast<std::size_t>(sum.key.level)] / 3'600.0;
+  sum.km += robot.exposure.km;
+}
+
+using CodeSums = std::map<AlarmKey, CodeSum>;
+
+/// Adds the intervals of one robot, without exposure.
+void add(CodeSums& sums, const RobotAlarms& robot, const AlarmRules& rules) {
+  std::set<AlarmKey> mine;
   for (const AlarmInterval& a : robot.intervals()) {
-    keys.insert(a.key);
+    CodeSum& sum = sums[a.key];
+    sum.key = a.key;
+    sum.robots += mine.insert(a.key).second ? 1 : 0;
+    add(sum, a, robot, rules);
   }
-  return keys;
+  for (const AlarmKey& key : mine) {
+    const auto words = robot.words.find(key);
+    if (words != robot.words.end() && !words->second.desc.empty()) {
+      sums[key].desc = words->second.desc;
+    }
+  }
 }
 
 /// Exposure of all robots whose log can show this level: a robot on which a code never came counts too.
 std::vector<CodeSum> by_code(const AlarmData& data) {
-  std::set<AlarmKey> keys;
+  CodeSums sums;
   for (const RobotAlarms& robot : data.robots) {
-    keys.merge(keys_of(robot));
+    add(sums, robot, data.rules);
   }
   std::vector<CodeSum> out;
-  for (const AlarmKey& key : keys) {
-    CodeSum sum;
-    sum.key = key;
+  for (auto& [key, sum] : sums) {
     for (const RobotAlarms& robot : data.robots) {
-      add(sum, robot, data.rules);
-      sum.hours += robot.exposure.level_s[static_cast<std::size_t>(key.level)] / 3'600.0;
-      sum.km += robot.exposure.km;
+      add_exposure(sum, robot);
     }
     out.push_back(std::move(sum));
   }
@@ -163,12 +159,10 @@ DataTable robot_code_table(const AlarmData& data) {
     for (const AlarmInterval& a : robot.intervals()) {
       raises += a.counts() ? 1.0 : 0.0;
     }
-    for (const AlarmKey& key : keys_of(robot)) {
-      CodeSum sum;
-      sum.key = key;
-      add(sum, robot, data.rules);
-      sum.hours = robot.exposure.level_s[static_cast<std::size_t>(key.level)] / 3'600.0;
-      sum.km = robot.exposure.km;
+    CodeSums sums;
+    add(sums, robot, data.rules);
+    for (auto& [key, sum] : sums) {
+      add_exposure(sum, robot);
       std::vector<Value> row = code_cells(sum, raises, robot.exposure.has_odo);
       row.insert(row.begin(), Value(robot.name));
       table.rows.push_back(std::move(row));

@@ -1,7 +1,6 @@
 // Floods, chattering, standing alarms, stops, and the list of all intervals.
 
 #include <algorithm>
-#include <set>
 
 #include "analyzer/analyses/alarm_results.hpp"
 #include "analyzer/analyses/cells.hpp"
@@ -52,12 +51,7 @@ DataTable chatter_table(const AlarmData& data) {
       {"sure", "", "Chattering whatever the true onsets inside their bounds"},
       {"index", "1/s", "Chatter index: sum of P_r / r over run lengths r >= 1 s; limits over the onset bounds", true}};
   for (std::size_t r = 0; r < data.robots.size(); ++r) {
-    std::set<AlarmKey> keys;
-    for (const AlarmInterval& a : data.robots[r].intervals()) {
-      keys.insert(a.key);
-    }
-    for (const AlarmKey& key : keys) {
-      const std::vector<Raise> raises = raises_of_key(data.robots[r], r, key);
+    for (const auto& [key, raises] : raises_by_key(data.robots[r], r)) {
       const Chatter c = chattering(raises, data.rules.chatter);
       if (c.possible) {
         table.rows.push_back({data.robots[r].name, std::string(alarm_level_name(key.level)), key.code,

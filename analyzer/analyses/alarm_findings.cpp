@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
 
 #include "analyzer/analyses/alarm_results.hpp"
 #include "analyzer/analyses/cells.hpp"
@@ -133,15 +132,11 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
                             data.rules.chatter.raises, static_cast<double>(data.rules.chatter.window_us) * 1e-6);
   f.threshold_source = cells::sources(
       data.settings, {"alarms.chatter_codes_fail", "alarms.chatter_raises", "alarms.chatter_window_s"}, robot.name);
-  std::set<AlarmKey> keys;
-  for (const AlarmInterval& a : robot.intervals()) {
-    keys.insert(a.key);
-  }
   int sure = 0;
   int possible = 0;
   int seen = 0;
-  for (const AlarmKey& key : keys) {
-    const Chatter chatter = chattering(raises_of_key(robot, index, key), data.rules.chatter);
+  for (const auto& [key, raises] : raises_by_key(robot, index)) {
+    const Chatter chatter = chattering(raises, data.rules.chatter);
     sure += chatter.sure ? 1 : 0;
     possible += chatter.possible ? 1 : 0;
     seen += chatter.runs > 0 ? 1 : 0;

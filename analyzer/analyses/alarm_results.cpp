@@ -112,10 +112,15 @@ AlarmData alarm_data(const std::vector<RobotAlarms>& robots, const Settings& set
   return data;
 }
 
-std::vector<Raise> raises_of_key(const RobotAlarms& robot, std::size_t index, const AlarmKey& key) {
-  std::vector<Raise> all = raises_of(robot.intervals(), index);
-  std::erase_if(all, [&](const Raise& raise) { return raise.key != key; });
-  return all;
+std::map<AlarmKey, std::vector<Raise>> raises_by_key(const RobotAlarms& robot, std::size_t index) {
+  std::map<AlarmKey, std::vector<Raise>> out;
+  for (const AlarmInterval& a : robot.intervals()) {
+    out.try_emplace(a.key);
+  }
+  for (const Raise& raise : raises_of(robot.intervals(), index)) {
+    out[raise.key].push_back(raise);
+  }
+  return out;
 }
 
 std::vector<std::string> alarm_notes(const AlarmData& data) {
@@ -142,7 +147,7 @@ std::vector<std::string> alarm_notes(const AlarmData& data) {
   };
   for (const RobotAlarms& robot : data.robots) {
     if (robot.source.empty()) {
-      notes.push_back(fmt::format("{}: no alarms: {}", robot.name, robot.why_not));
+      notes.push_back(fmt::format("{}no alarms: {}", robot.name.empty() ? "" : robot.name + ": ", robot.why_not));
       continue;
     }
     const double period_s = static_cast<double>(robot.period_us) * 1e-6;

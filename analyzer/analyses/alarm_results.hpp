@@ -64,8 +64,8 @@ struct AlarmData {
 };
 AlarmData alarm_data(const std::vector<RobotAlarms>& robots, const Settings& settings, const std::string& zone);
 
-/// Raises of one key of one robot.
-std::vector<Raise> raises_of_key(const RobotAlarms& robot, std::size_t index, const AlarmKey& key);
+/// Raises of one robot by key, each list by middle. Keys that never count have an empty list.
+std::map<AlarmKey, std::vector<Raise>> raises_by_key(const RobotAlarms& robot, std::size_t index);
 
 std::vector<std::string> alarm_notes(const AlarmData& data);
 std::vector<Finding> alarm_findings(const AlarmData& data);

@@ -213,7 +213,7 @@ std::vector<std::string> blockage_notes(const BlockageData& data) {
   for (std::size_t r = 0; r < data.robots.size(); ++r) {
     const RobotBlockage& robot = data.robots[r];
     if (robot.source.empty()) {
-      notes.push_back(fmt::format("{}: no blockage: {}", robot.name, robot.why_not));
+      notes.push_back(fmt::format("{}no blockage: {}", robot.name.empty() ? "" : robot.name + ": ", robot.why_not));
       continue;
     }
     notes.push_back(limits_note(robot));

@@ -242,6 +242,12 @@ TEST_CASE("a flood of two robots is seen by the operator before either robot has
   CHECK(num(test::cell(summary, 0, "raises")) == 16);
   CHECK(num(test::cell(summary, 0, "observed")) == Approx(1.0));
   CHECK(num(test::cell(summary, 1, "raises")) == 8);
+  const DataTable& codes = test::table(section, "by_code");
+  REQUIRE(codes.rows.size() == 8);
+  CHECK(num(test::cell(codes, 0, "raises")) == 2);
+  CHECK(num(test::cell(codes, 0, "robots")) == 2);
+  CHECK(std::get<Quantity>(test::cell(codes, 0, "per_hour")).exposure.value() == Approx(2.0));
+  CHECK(test::table(section, "by_robot_code").rows.size() == 16);
 }
 
 TEST_CASE("a code that comes three times a minute chatters, one that stands for two days is stale") {
