@@ -18,9 +18,7 @@ inline constexpr std::uint8_t kSync = 0x5A;
 
 inline constexpr std::uint16_t kStatusAll1 = 1100;
 inline constexpr std::uint16_t kStatusIo = 1013;
-constexpr std::uint16_t answer_type(std::uint16_t request) {
-  return static_cast<std::uint16_t>(request + 10000);
-}
+constexpr std::uint16_t answer_type(std::uint16_t request) { return static_cast<std::uint16_t>(request + 10000); }
 
 struct FrameHeader {
   std::uint8_t version = 1;

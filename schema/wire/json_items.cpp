@@ -159,9 +159,7 @@ bool decode_point_object(simdjson::dom::object object, std::string_view list, Un
   return true;
 }
 
-State state_of_other(element value) {
-  return value.is_null() ? State::null : State::wrong_type;
-}
+State state_of_other(element value) { return value.is_null() ? State::null : State::wrong_type; }
 
 }  // namespace
 

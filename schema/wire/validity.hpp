@@ -1,6 +1,6 @@
 #pragma once
-// When a given value means nothing: its condition is off, or it is the "no sensor" mark. Used by the JSON and the register
-// decoder alike.
+// When a given value means nothing: its condition is off, or it is the "no sensor" mark. Used by the JSON and the
+// register decoder alike.
 
 #include <array>
 #include <cmath>
