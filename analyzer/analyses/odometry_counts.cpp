@@ -15,6 +15,7 @@ namespace {
 constexpr double kShortest_s = 5.0;
 constexpr double kLongest_s = 10.0;
 constexpr double kTurning_radps = 0.05;
+constexpr double kTellsApart_m = 0.1;  // half of a narrow robot's track
 
 struct Windows {
   std::vector<double> counted;
@@ -65,6 +66,11 @@ void describe(CountsResult& r, const Config& config) {
   const bool is_zero = *r.b.lo <= 0.0 && *r.b.hi >= 0.0;
   const bool is_half =
       half_track > 0.0 && (std::abs(b / half_track - 1.0) < 0.15 || (*r.b.lo <= half_track && *r.b.hi >= half_track));
+  const double half_width = 0.5 * (*r.b.hi - *r.b.lo);
+  if (half_width > kTellsApart_m) {
+    r.verdict = fmt::format("unknown: at this polling rate b is known to {:.2g} m per radian only", half_width);
+    return;
+  }
   if ((is_zero && std::abs(b) < 0.05) || std::abs(b) < 0.02) {
     r.verdict = "path of the robot's centre";
   } else if (is_half) {

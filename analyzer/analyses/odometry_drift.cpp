@@ -270,7 +270,7 @@ DriftResult measure_drift(const Track& track, const JumpResult& jumps, const Acc
       reckoner.start(b);
     } else {
       const Interval i = interval_of(rows[k - 1], b, config);
-      reckoner.step(b, i, accelerations.radians(rows[k - 1], b, i, config));
+      reckoner.step(b, i, accelerations.radians(rows[k - 1], b, i));
     }
   }
   reckoner.end();

@@ -121,16 +121,40 @@ class Finder {
                        [](const Segment& s) { return s.cut == Cut::map; });
   }
 
+  /// Whether there was time to stop and turn on the spot between two polls.
+  [[nodiscard]] bool may_pivot(const Row& a, const Row& b, const Interval& i) const {
+    return !b.all(kStood) && a.speed() + b.speed() <= 1.1 * accelerations_.linear * i.dt_s + config_.pivot_mps;
+  }
+
+  [[nodiscard]] double turn_doubt(const Row& a, const Row& b, const Interval& i) const {
+    const double bound = accelerations_.radians(a, b, i);
+    if (accelerations_.resolves_turning(i.dt_s) || !may_pivot(a, b, i)) {
+      return bound;
+    }
+    const double seen = std::abs(i.twist.w) * i.dt_s;
+    return std::max({bound, seen, accelerations_.fastest_turn * i.dt_s - seen});
+  }
+
+  [[nodiscard]] double drive_doubt(const Row& a, const Row& b, const Interval& i, double bound_rad) const {
+    double bound = accelerations_.metres(a, b, i);
+    if (!accelerations_.resolves_driving(i.dt_s)) {
+      bound = std::max(bound, 0.5 * std::abs(b.speed() - a.speed()) * i.dt_s);
+    }
+    // First driving, then turning, or the other way round: neither is the arc of the mean twist.
+    const double turned = may_pivot(a, b, i) ? std::abs(i.twist.w) * i.dt_s : 0.0;
+    return bound + 0.5 * i.metres * (bound_rad + turned);
+  }
+
   void compare(const Row& a, const Row& b, const Interval& i, Step& step) const {
     const Pose predicted = compose(a.pose(), exp_se2(i.twist, i.dt_s));
     step.dx = b.x - predicted.x;
     step.dy = b.y - predicted.y;
     step.dangle = wrap_pi(static_cast<double>(b.angle) - predicted.angle);
-    const double bound_rad = accelerations_.radians(a, b, i, config_);
-    const double bound_m = accelerations_.metres(a, b, i) + 0.5 * i.metres * bound_rad;
+    const double bound_rad = turn_doubt(a, b, i);
+    const double bound_m = drive_doubt(a, b, i, bound_rad);
     const double sigma_e = std::sqrt(2.0 * sigma_p_ * sigma_p_ + i.metres * i.metres * sigma_theta_ * sigma_theta_);
-    step.allowed_m = std::max({config_.jump_m, config_.jump_sigmas * sigma_e, bound_m});
-    step.allowed_rad = std::max({config_.jump_rad, config_.jump_sigmas * std::sqrt(2.0) * sigma_theta_, bound_rad});
+    step.allowed_m = std::max(config_.jump_m, config_.jump_sigmas * sigma_e + bound_m);
+    step.allowed_rad = std::max(config_.jump_rad, config_.jump_sigmas * std::sqrt(2.0) * sigma_theta_ + bound_rad);
     step.off = std::hypot(step.dx, step.dy) > step.allowed_m || std::abs(step.dangle) > step.allowed_rad;
   }
 };

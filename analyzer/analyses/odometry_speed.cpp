@@ -89,23 +89,19 @@ double Accelerations::metres(const Row& a, const Row& b, const Interval& interva
   return interval.standing ? 0.0 : trapezoid_bound(linear, b.speed() - a.speed(), interval.dt_s);
 }
 
-double Accelerations::radians(const Row& a, const Row& b, const Interval& interval, const Config& config) const {
+double Accelerations::radians(const Row& a, const Row& b, const Interval& interval) const {
   if (interval.standing) {
     return 0.0;
   }
   const double dw = static_cast<double>(b.w) - static_cast<double>(a.w);
   const double bound = trapezoid_bound(angular, dw, interval.dt_s);
-  if (angular * interval.dt_s < 0.9 * fastest_turn) {
-    return bound;
-  }
-  const bool may_pivot = std::min(a.speed(), b.speed()) < config.pivot_mps;
-  const double change = may_pivot ? std::max(std::abs(dw), fastest_turn) : std::abs(dw);
-  return std::max(bound, 0.5 * change * interval.dt_s);
+  return resolves_turning(interval.dt_s) ? bound : std::max(bound, 0.5 * std::abs(dw) * interval.dt_s);
 }
 
 Accelerations measure_accelerations(const Track& track, const Config& config) {
   std::vector<double> linear;
   std::vector<double> angular;
+  std::vector<double> speeds;
   std::vector<double> turns;
   const std::vector<Row>& rows = track.rows();
   for (std::size_t k = 1; k < rows.size(); ++k) {
@@ -114,6 +110,7 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
       continue;
     }
     linear.push_back(std::abs(rows[k].speed() - rows[k - 1].speed()) / i.dt_s);
+    speeds.push_back(rows[k].speed());
     turns.push_back(std::abs(static_cast<double>(rows[k].w)));
     angular.push_back(std::abs(static_cast<double>(rows[k].w) - static_cast<double>(rows[k - 1].w)) / i.dt_s);
   }
@@ -124,6 +121,7 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
   if (!linear.empty()) {
     result.linear = std::max(result.linear, quantile(linear, 0.999));
     result.angular = std::max(result.angular, quantile(angular, 0.999));
+    result.fastest = quantile(speeds, 0.999);
     result.fastest_turn = quantile(turns, 0.999);
   }
   result.raised = static_cast<std::uint64_t>(

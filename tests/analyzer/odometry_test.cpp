@@ -1,0 +1,216 @@
+#include "tests/analyzer/odometry_support.hpp"
+
+using namespace tacho;
+using namespace tacho::test;
+
+TEST_CASE("one day at 1 Hz gives the odometer's scale to 0.2 % or better, with the truth inside") {
+  PaperRobot robot;
+  robot.odo_scale = 1.004;
+  PaperLog log = status_log(robot);
+  const Section s = run_odometry(log);
+  const Quantity s_o = quantity(s, "scales", "s_o");
+  const Quantity g = quantity(s, "scales", "g");
+  CHECK(half_width(s_o) <= 0.002);
+  CHECK(half_width(g) <= 0.002);
+  CHECK(holds(s_o, 1.0 / 1.004));
+  CHECK(holds(g, 1.004));
+  CHECK(finding(s, "ODO-01").verdict == Verdict::pass);
+  CHECK(finding(s, "ODO-02").verdict == Verdict::pass);
+  CHECK(finding(s, "ODO-03").verdict == Verdict::pass);
+  CHECK(finding(s, "ODO-07").verdict == Verdict::pass);
+  CHECK(finding(s, "LOC-02").verdict == Verdict::pass);
+  CHECK(finding(s, "DATA-08").verdict == Verdict::unknown);
+  CHECK(text(s, "scales", "counts") == "path of the robot's centre");
+  CHECK(text(s, "counter", "kind") == "decimal number");
+  CHECK(number(s, "counter", "quantum_m") == 1e-3);
+}
+
+TEST_CASE("the 95 % intervals hold the truth in at least 90 % of runs") {
+  int path = 0;
+  int speed = 0;
+  int heading = 0;
+  constexpr int kRuns = 24;
+  for (int seed = 1; seed <= kRuns; ++seed) {
+    PaperRobot robot;
+    robot.hours = 1.5;
+    robot.seed = static_cast<std::uint64_t>(seed);
+    robot.sigma_m = seed % 2 == 0 ? 0.004 : 0.010;
+    robot.arc_radius_m = seed % 3 == 0 ? 1.2 : 0.0;
+    robot.odo_scale = 0.99 + 0.001 * seed;
+    PaperLog log = status_log(robot);
+    const Section s = run_odometry(log);
+    path += holds(quantity(s, "scales", "s_o"), 1.0 / robot.odo_scale) ? 1 : 0;
+    speed += holds(quantity(s, "scales", "g"), robot.odo_scale) ? 1 : 0;
+    heading += holds(finding(s, "ODO-07").value, 0.0) ? 1 : 0;
+  }
+  CHECK(path >= 22);
+  CHECK(speed >= 22);
+  CHECK(heading >= 22);
+}
+
+TEST_CASE("a scale error of 1.5 % is a warning, of 4 % a failure, with the stretches as evidence") {
+  PaperRobot robot;
+  robot.hours = 6.0;
+  robot.odo_scale = 1.015;
+  PaperLog log = status_log(robot);
+  Section s = run_odometry(log);
+  CHECK(finding(s, "ODO-02").verdict == Verdict::warn);
+  CHECK(finding(s, "ODO-03").verdict == Verdict::warn);
+  CHECK_FALSE(finding(s, "ODO-03").evidence.empty());
+  CHECK(finding(s, "ODO-03").threshold_source == "default");
+
+  robot.odo_scale = 1.04;
+  PaperLog worse = status_log(robot);
+  s = run_odometry(worse);
+  CHECK(finding(s, "ODO-02").verdict == Verdict::fail);
+  CHECK(finding(s, "ODO-03").verdict == Verdict::fail);
+  CHECK(finding(s, "ODO-03").advice.find("0.96") != std::string::npos);
+
+  Settings lenient;
+  lenient.set("odometry.scale_pass", 0.06, "site.toml:3");
+  s = run_odometry(worse, lenient);
+  CHECK(finding(s, "ODO-03").verdict == Verdict::pass);
+  CHECK(finding(s, "ODO-03").threshold_source.find("site.toml:3") != std::string::npos);
+}
+
+TEST_CASE("an odometer that counts the wheels' paths is recognised, and the scales do not suffer") {
+  PaperRobot robot;
+  robot.hours = 2.0;
+  robot.wheel_track_m = 0.5;
+  PaperLog log = status_log(robot, {}, 0.2);
+  const Section s = run_odometry(log);
+  CHECK(holds(quantity(s, "scales", "b_m_per_rad"), 0.25));
+  CHECK(text(s, "scales", "counts").find("wheels") != std::string::npos);
+  CHECK(holds(quantity(s, "scales", "s_o"), 1.0));
+  CHECK(finding(s, "ODO-02").verdict == Verdict::pass);
+
+  Settings settings;
+  settings.set("odometry.track_m", 0.5, "site.toml:1");
+  const Section known = run_odometry(log, settings);
+  CHECK(text(known, "scales", "counts").find("half the track of 0.5 m") != std::string::npos);
+  CHECK(half_width(quantity(known, "scales", "g")) < half_width(quantity(s, "scales", "g")));
+}
+
+TEST_CASE("what the counter counts is unknown without turning on the spot") {
+  PaperRobot robot;
+  robot.hours = 1.0;
+  robot.arc_radius_m = 2.0;
+  PaperLog log = status_log(robot);
+  const Section s = run_odometry(log);
+  CHECK_FALSE(quantity(s, "scales", "b_m_per_rad").value.has_value());
+  CHECK(text(s, "scales", "counts").find("unknown") == 0);
+}
+
+TEST_CASE("a wrong turning rate drifts the heading and fails") {
+  PaperRobot robot;
+  robot.hours = 4.0;
+  PaperLog log = status_log(
+      robot, [](PaperAnswer& a) { a.w += a.vx > 0.5 ? 0.017 : 0.0; }, 0.5);
+  const Section s = run_odometry(log);
+  const Finding& f = finding(s, "ODO-07");
+  CHECK(f.verdict == Verdict::fail);
+  CHECK(*f.value.value > 5.0);
+  CHECK_FALSE(f.evidence.empty());
+  CHECK(*quantity(s, "noise", "heading_bias").value > 0.005);
+}
+
+TEST_CASE("the drift table holds for a faultless robot only noise and integration") {
+  PaperRobot robot;
+  robot.hours = 1.0;
+  PaperLog log = status_log(robot, {}, 0.1);
+  const Section s = run_odometry(log);
+  const double sigma = *quantity(s, "noise", "sigma_p_mm").value * 1e-3;
+  CHECK(sigma == Approx(0.004).epsilon(0.05));
+  CHECK(*quantity(s, "noise", "sigma_theta_mrad").value == Approx(2.0).epsilon(0.05));
+  for (std::size_t row = 0; row < 4; ++row) {
+    CHECK(std::abs(*quantity(s, "drift", "along_pct", row).value) < 0.2);
+    CHECK(std::abs(*quantity(s, "drift", "turn_deg_per_m", row).value) < 0.05);
+  }
+}
+
+TEST_CASE("a polling period of 10 s decides nothing and says so") {
+  PaperRobot robot;
+  robot.hours = 24.0;
+  PaperLog log = status_log(robot, {}, 10.0);
+  const Section s = run_odometry(log);
+  for (const char* id : {"ODO-02", "ODO-03", "ODO-07", "LOC-02"}) {
+    const Finding& f = finding(s, id);
+    INFO(id);
+    CHECK(f.verdict == Verdict::unknown);
+    CHECK_FALSE(f.value.value.has_value());
+    CHECK(f.value.reason.find("period 10 s") != std::string::npos);
+  }
+  CHECK(finding(s, "ODO-01").verdict == Verdict::pass);
+}
+
+TEST_CASE("logs that cannot answer are unknown with the reason") {
+  PaperRobot robot;
+  robot.hours = 0.5;
+  const auto reasons = [&](const std::function<void(PaperAnswer&)>& edit, double hours = 0.5) {
+    robot.hours = hours;
+    PaperLog log = status_log(robot, edit);
+    const Section s = run_odometry(log);
+    std::string all;
+    for (const Finding& f : s.findings) {
+      if (f.verdict == Verdict::unknown) {
+        CHECK_FALSE(f.value.reason.empty());
+        all += f.id + ": " + f.value.reason + "\n";
+      }
+    }
+    return all;
+  };
+  SECTION("no odo") {
+    const std::string all = reasons([](PaperAnswer& a) { a.odo = a.today_odo = std::nan(""); });
+    CHECK(all.find("ODO-01: the log has no odo") != std::string::npos);
+    CHECK(all.find("ODO-02: the log has no odo") != std::string::npos);
+    CHECK(all.find("ODO-03: the log has no odo") != std::string::npos);
+  }
+  SECTION("no pose") {
+    const std::string all = reasons([](PaperAnswer& a) { a.x = std::nan(""); });
+    CHECK(all.find("ODO-03: the log has no localised pose") != std::string::npos);
+    CHECK(all.find("ODO-07: the log has no localised pose") != std::string::npos);
+    CHECK(all.find("ODO-02") == std::string::npos);
+  }
+  SECTION("never localised") {
+    CHECK(reasons([](PaperAnswer& a) { a.reloc = 3; }).find("no localised pose") != std::string::npos);
+  }
+  SECTION("nothing driven, the pose frozen") {
+    const std::string all = reasons([](PaperAnswer& a) {
+      a.x = a.y = a.angle = a.vx = a.w = 0.0;
+      a.odo = 5.0;
+    });
+    CHECK(all.find("ODO-02: nothing driven") != std::string::npos);
+    CHECK(all.find("ODO-03: pose noise unknown: the pose is frozen") != std::string::npos);
+  }
+  SECTION("nothing driven, a noisy pose: a standing robot does not drive") {
+    const std::string all = reasons([](PaperAnswer& a) {
+      a.x = std::fmod(a.x * 1e4, 97.0) * 1e-4;
+      a.y = a.angle = a.vx = a.w = 0.0;
+      a.odo = 5.0;
+    });
+    CHECK(all.find("ODO-03: nothing driven") != std::string::npos);
+  }
+  SECTION("one snapshot") {
+    const std::string all = reasons({}, 0.5 / 3600.0);
+    CHECK(all.find("ODO-01: one row only") != std::string::npos);
+    CHECK(all.find("fewer than two rows") != std::string::npos);
+  }
+  SECTION("a few metres") {
+    const std::string all = reasons({}, 60.0 / 3600.0);
+    CHECK(all.find("ODO-02") != std::string::npos);
+    CHECK(all.find("ODO-03") != std::string::npos);
+  }
+}
+
+TEST_CASE("an empty log is unknown throughout") {
+  PaperRobot robot;
+  robot.hours = 0.1;
+  PaperLog log(robot, {});
+  const Section s = run_odometry(log);
+  REQUIRE(s.findings.size() == 6);
+  for (const Finding& f : s.findings) {
+    CHECK(f.verdict == Verdict::unknown);
+    CHECK_FALSE(f.value.reason.empty());
+  }
+  CHECK_FALSE(s.notes.empty());
+}
