@@ -85,7 +85,10 @@ class RobotCheck {
       PollResult result = link.poll(source, std::chrono::milliseconds(timeout_us / 1000));
       if (!result.ok) {
         ++result_.problems;
-        line(source, fmt::format("FAILED ({}): {}", cause_name(result.cause), result.detail));
+        const bool answers_strangely = result.cause == Cause::timeout || result.cause == Cause::closed;
+        line(source,
+             fmt::format("FAILED ({}): {}{}", cause_name(result.cause), result.detail,
+                         answers_strangely ? "; is it the right port? usual are 19204 (status) and 502 (Modbus)" : ""));
         return;
       }
       rtt.push_back(result.t_recv_us - result.t_send_us);

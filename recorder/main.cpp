@@ -67,7 +67,7 @@ int run(const Arguments& arguments) {
   }
   std::optional<Micros> run_for;
   if (!arguments.run_for.empty()) {
-    run_for = parse_length(arguments.run_for, "--for", 1000, Micros{3650} * 86'400'000'000);
+    run_for = parse_length(arguments.run_for, "--for", 1000, Micros{3'650} * 86'400'000'000);
   }
   const sigset_t signals = ending_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);

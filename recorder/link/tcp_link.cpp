@@ -16,7 +16,7 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kStrangeConnections = 3;
-constexpr std::size_t kMaxErrorText = 2048;
+constexpr std::size_t kMaxErrorText = 2u << 10;
 
 std::string hex(const std::array<char, wire::kHeaderBytes>& bytes) {
   std::string text;

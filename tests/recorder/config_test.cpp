@@ -1,0 +1,183 @@
+// Configuration: what is accepted, what every mistake is answered with, and the way out and back in.
+
+#include "recorder/config.hpp"
+#include "tests/support/catch.hpp"
+
+using namespace tacho;
+using namespace tacho::recorder;
+
+namespace {
+
+std::string error_of(const std::string& toml) {
+  try {
+    validate(parse_config(toml, "site.toml"));
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string error_of(const Overrides& overrides) {
+  try {
+    Config config;
+    apply(overrides, config);
+    validate(config);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+const std::string kRobot = "[[robot]]\nname = 'amr-1'\nhost = '192.168.192.5'\n";
+
+Overrides with_robot() {
+  Overrides o;
+  o.robots = {"amr-1=192.168.192.5"};
+  return o;
+}
+
+}  // namespace
+
+TEST_CASE("a robot alone is recorded with the defaults") {
+  const Config config = parse_config(kRobot, "site.toml");
+  REQUIRE(config.robots.size() == 1);
+  const RobotConfig& robot = config.robots[0];
+  CHECK(robot.address() == "192.168.192.5:19204:502");
+  CHECK(robot.settings.period(Source::status) == 1'000'000);
+  CHECK(robot.settings.period(Source::io) == 0);
+  CHECK(robot.settings.period(Source::registers) == 200'000);
+  CHECK(robot.settings.period(Source::inputs) == 200'000);
+  CHECK(robot.settings.modbus.unit == 1);
+  CHECK_FALSE(robot.settings.modbus.word_order);
+  CHECK(robot.settings.status.request.return_laser == false);
+}
+
+TEST_CASE("a robot's own tables win over the tables for all, wherever they stand in the file") {
+  const Config config = parse_config(kRobot +
+                                         "[robot.sources]\nio = '2Hz'\n[robot.modbus]\nunit = 7\nword_order = 'abcd'\n"
+                                         "[[robot]]\nname = 'amr-2'\nhost = 'h'\nstatus_port = 1\nmodbus_port = 2\n"
+                                         "[sources]\nstatus = '5s'\n[status]\nkeys = ['x', 'y']\nversion = 2\n"
+                                         "language = 'en'\nreturn_beams3D = true\n",
+                                     "site.toml");
+  REQUIRE(config.robots.size() == 2);
+  CHECK(config.robots[0].settings.period(Source::io) == 500'000);
+  CHECK(config.robots[0].settings.period(Source::status) == 5'000'000);
+  CHECK(config.robots[0].settings.modbus.unit == 7);
+  CHECK(config.robots[0].settings.modbus.word_order == WordOrder::abcd);
+  CHECK(config.robots[1].settings.modbus.unit == 1);
+  CHECK(config.robots[1].address() == "h:1:2");
+  CHECK(config.robots[1].settings.status.version == 2);
+  CHECK(wire::status_request_body(config.robots[1].settings.status.request) ==
+        R"({"keys":["x","y"],"return_laser":false,"return_beams3D":true,"language":"en"})");
+}
+
+TEST_CASE("what is written out is read back as the same configuration") {
+  Overrides o = with_robot();
+  o.robots.push_back("amr-2=[::1]:1234:5678");
+  o.periods = "status=250ms,io=2Hz,inputs=off";
+  o.word_order = "badc";
+  o.log = "/var/lib/tachograph";
+  o.commit = "5s";
+  Config config;
+  config.defaults.status.request.keys = {"x", "quote\"d"};
+  config.defaults.status.request.language = "zh";
+  config.defaults.status.request.return_mid360 = true;
+  apply(o, config);
+  config.robots[1].settings.modbus.unit = 9;
+  config.robots[1].settings.modbus.spacing_us = 0;
+  const std::string text = to_toml(config);
+  const Config again = parse_config(text, "again.toml");
+  CHECK(to_toml(again) == text);
+  CHECK(again.robots[1].host == "::1");
+  CHECK(again.robots[1].settings.modbus.unit == 9);
+  CHECK(again.robots[0].settings.period(Source::inputs) == 0);
+  CHECK(again.robots[0].settings.status.request.keys[1] == "quote\"d");
+  CHECK(again.part_bytes == config.part_bytes);
+}
+
+TEST_CASE("a mistake in the file is answered with its line and what was meant") {
+  CHECK(has(error_of("[[robot]]\nname = 'a'\nhsot = 'b'\n"), "site.toml:3: unknown key 'hsot'"));
+  CHECK(has(error_of("[[robot]]\nname = 'a'\nhsot = 'b'\n"), "did you mean 'host'"));
+  CHECK(
+      has(error_of("[modbus]\nunit = 1\n\nword_ordr = 'cdab'\n"), "site.toml:4: unknown key 'word_ordr' in [modbus]"));
+  CHECK(has(error_of("[sources]\nstatus = 'often'\n"), "site.toml:2: [sources] status: 'often' is no period"));
+  CHECK(has(error_of("[sources]\nstatus = 1\n"), "site.toml:2: [sources] status: a text was expected"));
+  CHECK(has(error_of("[modbus]\nunit = 248\n"), "248 is no unit id"));
+  CHECK(has(error_of("[modbus]\nword_order = 'acbd'\n"), "no word order 'acbd'"));
+  CHECK(has(error_of("[status]\nversion = 256\n"), "does not fit into a byte"));
+  CHECK(has(error_of("[status]\nkeys = 'x'\n"), "a list of texts was expected"));
+  CHECK(has(error_of("[status]\nreturn_laser = 'no'\n"), "true or false was expected"));
+  CHECK(has(error_of("[status]\ntimeout = '5h'\n"), "out of range"));
+  CHECK(has(error_of("[robot]\nname = 'a'\n"), "write [[robot]] with two brackets"));
+  CHECK(has(error_of("\n\n[[robot]]\nname = 'a'\n"), "site.toml:3: a robot without host"));
+  CHECK(has(error_of("part_size = '1KB'\n"), "is no size"));
+  CHECK(has(error_of("log = 'x'\nlog = 'y'\n"), "site.toml:2:"));
+  CHECK(has(error_of("robot = 3\n"), "site.toml:1:"));
+}
+
+TEST_CASE("timeout, the parameter that raises an alarm on the robot, cannot be asked for by name") {
+  // [status] timeout is our own waiting time: it never reaches the request.
+  const Config config = parse_config("[status]\ntimeout = '2s'\n" + kRobot, "site.toml");
+  CHECK(wire::status_request_body(config.robots[0].settings.status.request).find("timeout") == std::string::npos);
+}
+
+TEST_CASE("settings that cannot work together are refused") {
+  CHECK(has(error_of(std::string("log = 'x'\n")), "none given"));
+  CHECK(has(error_of(kRobot + kRobot), "amr-1: given twice"));
+  CHECK(has(error_of("[sources]\nstatus='off'\nregisters='off'\ninputs='off'\n" + kRobot), "every source is off"));
+  CHECK(has(error_of("[sources]\nstatus='100ms'\nio='10Hz'\n" + kRobot), "more often than the spacing"));
+  CHECK(error_of("[sources]\nstatus='200ms'\nio='5Hz'\n" + kRobot).empty());
+}
+
+TEST_CASE("flags take durations and rates, choose sources, and name their mistakes") {
+  Overrides o = with_robot();
+  o.periods = "status=2s, io=4Hz,registers=off";
+  Config config;
+  apply(o, config);
+  CHECK(config.robots[0].settings.period(Source::status) == 2'000'000);
+  CHECK(config.robots[0].settings.period(Source::io) == 250'000);
+  CHECK(config.robots[0].settings.period(Source::registers) == 0);
+
+  Overrides chosen = with_robot();
+  chosen.sources = "io,inputs";
+  Config some;
+  apply(chosen, some);
+  CHECK(some.robots[0].settings.period(Source::status) == 0);
+  CHECK(some.robots[0].settings.period(Source::io) == 500'000);
+  CHECK(some.robots[0].settings.period(Source::inputs) == 200'000);
+
+  o.periods = "statsu=1s";
+  CHECK(has(error_of(o), "did you mean 'status'"));
+  o.periods = "status";
+  CHECK(has(error_of(o), "is not SOURCE=PERIOD"));
+  o.periods = "status=0Hz";
+  CHECK(has(error_of(o), "is no period"));
+  o.periods = "status=1000Hz";
+  CHECK(has(error_of(o), "is no period"));
+}
+
+TEST_CASE("robots are given as NAME=HOST with optional ports") {
+  const Settings settings;
+  CHECK(parse_robot("a=10.0.0.1", settings).address() == "10.0.0.1:19204:502");
+  CHECK(parse_robot("a=10.0.0.1:1", settings).address() == "10.0.0.1:1:502");
+  CHECK(parse_robot("a=host:1:2", settings).address() == "host:1:2");
+  CHECK(parse_robot("a=[fe80::1]:1:2", settings).address() == "[fe80::1]:1:2");
+  for (const char* bad : {"", "a", "=h", "a=", "a=h:0", "a=h:70000", "a=h:1:2:3", "a=h:x", "a=[::1"}) {
+    INFO(bad);
+    Overrides o;
+    o.robots = {bad};
+    CHECK(has(error_of(o), "--robot"));
+  }
+}
+
+TEST_CASE("the sample configuration is valid and shows the defaults") {
+  const Config config = read_config(std::filesystem::path(TACHO_SOURCE_DIR) / "samples/config/site.toml");
+  CHECK_NOTHROW(validate(config));
+  CHECK(config.robots.size() == 2);
+  Config plain;
+  plain.log = config.log;
+  plain.robots = config.robots;
+  CHECK(to_toml(plain) == to_toml(config));
+}

@@ -1,0 +1,308 @@
+// The poller in virtual time: schedule, accounting, gaps.
+
+#include <random>
+
+#include "recorder/poller.hpp"
+#include "tests/recorder/fakes.hpp"
+#include "tests/support/catch.hpp"
+
+using namespace tacho;
+using namespace tacho::recorder;
+using namespace tacho::recorder::test;
+
+namespace {
+
+/// One poller with its world.
+struct Bench {
+  FakeClock clock;
+  VectorSink sink;
+  FakeLink* link = nullptr;
+  std::unique_ptr<Poller> poller;
+
+  Bench(std::vector<PolledSource> sources, FakeLink::Robot robot, Micros spacing_us = 0,
+        std::chrono::milliseconds timeout = std::chrono::seconds(1)) {
+    PollerOptions options;
+    options.timeout = timeout;
+    options.robot = 1;
+    options.session = 1;
+    options.sources = std::move(sources);
+    options.spacing_us = spacing_us;
+    auto made = std::make_unique<FakeLink>(clock, std::move(robot));
+    link = made.get();
+    poller = std::make_unique<Poller>(std::move(options), std::move(made), clock, sink);
+  }
+
+  void run(Micros until) { poller->run(0, until); }
+
+  [[nodiscard]] std::vector<Gap> gaps(Source source, bool partial = false) const {
+    std::vector<Gap> out;
+    std::copy_if(sink.gaps.begin(), sink.gaps.end(), std::back_inserter(out),
+                 [&](const Gap& g) { return g.source == source && g.partial == partial; });
+    return out;
+  }
+  [[nodiscard]] std::size_t events(EventKind kind) const {
+    return static_cast<std::size_t>(
+        std::count_if(sink.events.begin(), sink.events.end(), [&](const Event& e) { return e.kind == kind; }));
+  }
+};
+
+/// Counts from the rows alone how often each poll number occurs; all must be once.
+void check_accounts(const Bench& bench) {
+  for (std::size_t s = 0; s < bench.poller->options().sources.size(); ++s) {
+    const Source source = bench.poller->options().sources[s].source;
+    const SourceCounters& counters = bench.poller->counters(s);
+    std::vector<int> seen(counters.planned.load(), 0);
+    std::uint64_t stored = 0;
+    std::uint64_t missed = 0;
+    for (const Answer& a : bench.sink.answers) {
+      if (a.meta.source == source) {
+        ++seen.at(a.meta.seq);
+        ++stored;
+      }
+    }
+    for (const Gap& g : bench.sink.gaps) {
+      for (std::uint64_t k = 0; g.source == source && !g.partial && k < g.seq_count; ++k) {
+        ++seen.at(g.seq_from + k);
+        ++missed;
+      }
+    }
+    CHECK(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
+    CHECK(stored == counters.stored.load());
+    CHECK(missed == counters.missed_total());
+    CHECK(stored + missed == counters.planned.load());
+  }
+}
+
+Act good(Source, Micros) { return {}; }
+
+}  // namespace
+
+TEST_CASE("polls are due at start plus k periods, however long each one takes") {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<Micros> takes(0, 150'000);
+  Bench bench({{Source::registers, 200'000, 0}}, [&](Source, Micros) {
+    return Act{true, takes(random), {}, false, {}};
+  });
+  bench.run(100 * kSecond);
+  REQUIRE(bench.link->asked.size() == 500);
+  for (std::size_t k = 0; k < bench.link->asked.size(); ++k) {
+    CHECK(bench.link->asked[k].second == static_cast<Micros>(k) * 200'000);
+  }
+  check_accounts(bench);
+}
+
+TEST_CASE("the issue's rates give exactly the planned counts of a minute") {
+  Bench status({{Source::status, kSecond, 0}, {Source::io, 500'000, 250'000}}, good, 100'000);
+  status.run(60 * kSecond);
+  CHECK(status.poller->counters(0).planned.load() == 60);
+  CHECK(status.poller->counters(0).stored.load() == 60);
+  CHECK(status.poller->counters(1).planned.load() == 120);
+  CHECK(status.poller->counters(1).stored.load() == 120);
+  check_accounts(status);
+  Bench modbus({{Source::registers, 200'000, 0}, {Source::inputs, 200'000, 100'000}}, good, 20'000);
+  modbus.run(60 * kSecond);
+  CHECK(modbus.poller->counters(0).stored.load() == 300);
+  CHECK(modbus.poller->counters(1).stored.load() == 300);
+}
+
+TEST_CASE("one slow answer costs the polls it covered and delays none of the later ones") {
+  const auto slow_once = [](Source, Micros now) {
+    Act act;
+    act.takes_us = now == 3 * kSecond ? 2'700'000 : 4'000;
+    return act;
+  };
+  Bench bench({{Source::status, kSecond, 0}}, slow_once, 0, std::chrono::seconds(5));
+  bench.run(10 * kSecond);
+  const auto gaps = bench.gaps(Source::status);
+  REQUIRE(gaps.size() == 1);
+  CHECK(gaps[0].cause == Cause::overrun);
+  CHECK(gaps[0].seq_from == 4);
+  CHECK(gaps[0].seq_count == 1);
+  // Poll 5 was due at 5 s, is asked at 5.7 s, and 6 is on the grid again.
+  CHECK(bench.link->asked[4].second == 5'700'000);
+  CHECK(bench.link->asked[5].second == 6 * kSecond);
+  check_accounts(bench);
+}
+
+TEST_CASE("an outage is one gap row per source with its cause, from the last answer to the next") {
+  Bench bench({{Source::status, kSecond, 0}, {Source::io, 500'000, 250'000}}, [](Source, Micros now) {
+    const bool dead = now >= 10 * kSecond && now < 30 * kSecond;
+    return Act{!dead, 4'000, Cause::connect_refused, false, {}};
+  });
+  bench.run(60 * kSecond);
+  const auto gaps = bench.gaps(Source::status);
+  REQUIRE(gaps.size() == 1);
+  CHECK(gaps[0].cause == Cause::connect_refused);
+  CHECK(gaps[0].detail == "because");
+  CHECK(gaps[0].seq_from == 10);
+  CHECK(gaps[0].seq_count >= 20);
+  CHECK(gaps[0].seq_count <= 26);
+  CHECK(gaps[0].t_from_us == kWallStart + 9 * kSecond + 4'000);
+  CHECK(gaps[0].t_to_us == kWallStart + static_cast<Micros>(gaps[0].seq_from + gaps[0].seq_count) * kSecond);
+  CHECK(bench.gaps(Source::io).size() == 1);
+  CHECK(bench.events(EventKind::link_down) == 1);
+  CHECK(bench.events(EventKind::link_up) == 2);
+  check_accounts(bench);
+}
+
+TEST_CASE("a dead robot is tried after 0.2 s, then less and less often, at least every 5 s") {
+  Bench bench({{Source::registers, 50'000, 0}}, [](Source, Micros) {
+    return Act{false, 0, Cause::connect_refused, false, {}};
+  });
+  bench.run(60 * kSecond);
+  REQUIRE(bench.link->asked.size() > 5);
+  const auto wait = [&](std::size_t i) { return bench.link->asked[i + 1].second - bench.link->asked[i].second; };
+  CHECK(wait(0) == 200'000);
+  CHECK(wait(1) == 400'000);
+  CHECK(wait(2) == 800'000);
+  for (std::size_t i = 0; i + 1 < bench.link->asked.size(); ++i) {
+    CHECK(wait(i) <= 5'050'000);
+  }
+  CHECK(bench.events(EventKind::link_down) == 1);
+  CHECK(bench.events(EventKind::link_up) == 0);
+  check_accounts(bench);
+}
+
+TEST_CASE("a long outage is written at least once a minute while it lasts") {
+  Bench bench({{Source::status, kSecond, 0}}, [](Source, Micros) { return Act{false, 0, Cause::timeout, false, {}}; });
+  bench.run(600 * kSecond);
+  const auto gaps = bench.gaps(Source::status);
+  CHECK(gaps.size() >= 9);
+  CHECK(gaps.size() <= 11);
+  for (std::size_t i = 0; i + 1 < gaps.size(); ++i) {
+    CHECK(gaps[i].seq_from + gaps[i].seq_count == gaps[i + 1].seq_from);
+    CHECK(gaps[i].t_to_us - gaps[i].t_from_us <= 60 * kSecond);
+  }
+  check_accounts(bench);
+}
+
+TEST_CASE("a full queue is a gap with cause queue_full") {
+  Bench bench({{Source::inputs, 200'000, 0}}, good);
+  bench.sink.full = [&] { return bench.clock.mono_us() > 4 * kSecond && bench.clock.mono_us() < 6 * kSecond; };
+  bench.run(10 * kSecond);
+  const auto gaps = bench.gaps(Source::inputs);
+  REQUIRE(gaps.size() == 1);
+  CHECK(gaps[0].cause == Cause::queue_full);
+  CHECK(gaps[0].seq_count == 10);
+  check_accounts(bench);
+}
+
+TEST_CASE("sweeps that lack the same ranges share one partial gap and count as stored") {
+  Bench bench({{Source::registers, 200'000, 0}}, [](Source, Micros now) {
+    Act act;
+    act.missing = now >= 2 * kSecond && now < 4 * kSecond ? "missing [3x]120-140" : "";
+    act.cause = Cause::modbus_exception;
+    return act;
+  });
+  bench.run(6 * kSecond);
+  const auto partial = bench.gaps(Source::registers, true);
+  REQUIRE(partial.size() == 1);
+  CHECK(partial[0].seq_from == 10);
+  CHECK(partial[0].seq_count == 10);
+  CHECK(partial[0].cause == Cause::modbus_exception);
+  CHECK(bench.gaps(Source::registers).empty());
+  CHECK(bench.poller->counters(0).stored.load() == 30);
+  CHECK(bench.poller->counters(0).partial.load() == 10);
+  check_accounts(bench);
+}
+
+TEST_CASE("a refusal that leaves the connection open costs the refused source only") {
+  Bench bench({{Source::status, kSecond, 0}, {Source::io, 500'000, 250'000}}, [](Source source, Micros) {
+    return Act{source == Source::status, 4'000, Cause::error_frame, true, {}};
+  });
+  bench.run(30 * kSecond);
+  CHECK(bench.poller->counters(0).stored.load() == 30);
+  CHECK(bench.poller->counters(1).stored.load() == 0);
+  CHECK(bench.gaps(Source::io).size() == 1);
+  CHECK(bench.events(EventKind::link_down) == 0);
+  check_accounts(bench);
+}
+
+TEST_CASE("requests on one connection keep their distance") {
+  Bench bench({{Source::status, kSecond, 0}, {Source::io, 500'000, 0}}, good, 100'000);
+  bench.run(20 * kSecond);
+  for (std::size_t i = 0; i + 1 < bench.link->asked.size(); ++i) {
+    CHECK(bench.link->asked[i + 1].second - bench.link->asked[i].second >= 100'000);
+  }
+  CHECK(bench.poller->counters(0).stored.load() == 20);
+  CHECK(bench.poller->counters(1).stored.load() == 40);
+}
+
+TEST_CASE("a stop ends the plan there: what was due and unasked is missed by shutdown") {
+  Bench bench({{Source::status, kSecond, 0}}, [](Source, Micros now) {
+    return Act{now < 5 * kSecond, now < 5 * kSecond ? 4'000 : 900'000, Cause::timeout, false, {}};
+  });
+  bench.clock.stop_at(5'500'000);
+  bench.run(60 * kSecond);
+  CHECK(bench.poller->counters(0).planned.load() == 6);
+  CHECK(bench.poller->counters(0).stored.load() == 5);
+  const auto gaps = bench.gaps(Source::status);
+  REQUIRE(gaps.size() == 1);
+  CHECK(gaps[0].cause == Cause::shutdown);
+  check_accounts(bench);
+}
+
+TEST_CASE("a wall clock that jumps by a year disturbs neither schedule nor accounts") {
+  bool jumped = false;
+  FakeClock* clock = nullptr;
+  Bench bench({{Source::status, kSecond, 0}}, [&](Source, Micros now) {
+    if (now >= 10 * kSecond && !jumped) {
+      jumped = true;
+      clock->step_wall(-Micros{365} * 86'400 * kSecond);
+    }
+    return Act{now < 12 * kSecond || now > 15 * kSecond, 1'000, Cause::closed, false, {}};
+  });
+  clock = &bench.clock;
+  bench.run(30 * kSecond);
+  CHECK(bench.poller->counters(0).planned.load() == 30);
+  CHECK(bench.gaps(Source::status).size() == 1);
+  check_accounts(bench);
+}
+
+TEST_CASE("law: whatever robot, network and queue do, stored plus missed is planned and every poll occurs once") {
+  constexpr std::array kCauses{Cause::connect_refused, Cause::timeout,     Cause::closed,          Cause::malformed,
+                               Cause::wrong_sequence,  Cause::error_frame, Cause::modbus_exception};
+  for (unsigned seed = 1; seed <= 150; ++seed) {
+    std::mt19937 random(seed);
+    const auto chance = [&](double p) { return std::uniform_real_distribution<>(0, 1)(random) < p; };
+    const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+    const double p_fail = std::uniform_real_distribution<>(0, 0.6)(random);
+    std::vector<PolledSource> sources;
+    for (const Source source : {Source::registers, Source::inputs}) {
+      const Micros period = between(20'000, 2'000'000);
+      sources.push_back({source, period, between(0, period - 1)});
+    }
+    Bench bench(
+        sources,
+        [&](Source, Micros) {
+          Act act;
+          act.ok = !chance(p_fail);
+          act.takes_us = chance(0.1) ? between(0, 3'000'000) : between(0, 20'000);
+          act.cause = kCauses[static_cast<std::size_t>(between(0, kCauses.size() - 1))];
+          act.keeps_connection = chance(0.3);
+          act.missing = chance(0.1) ? "missing [3x]7-7" : "";
+          return act;
+        },
+        between(0, 100'000));
+    const double p_full = chance(0.3) ? 0.3 : 0.0;
+    bench.sink.full = [&] { return chance(p_full); };
+    if (chance(0.5)) {
+      bench.clock.stop_at(between(0, 100 * kSecond));
+    }
+    const Micros end = between(0, 90 * kSecond);
+    bench.run(end);
+    INFO("seed " << seed);
+    check_accounts(bench);
+    const Micros stopped = std::min(end, bench.clock.stopped_at().value_or(end));
+    for (std::size_t s = 0; s < sources.size(); ++s) {
+      const Schedule schedule(sources[s].phase_us, sources[s].period_us);
+      CHECK(bench.poller->counters(s).planned.load() >= schedule.planned_before(stopped));
+      CHECK(bench.poller->counters(s).planned.load() <= schedule.planned_before(stopped) + 1);
+    }
+    for (std::size_t i = 0; i + 1 < bench.sink.answers.size(); ++i) {
+      const AnswerMeta& a = bench.sink.answers[i].meta;
+      const AnswerMeta& b = bench.sink.answers[i + 1].meta;
+      CHECK((a.source != b.source || a.seq < b.seq));
+    }
+  }
+}

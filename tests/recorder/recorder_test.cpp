@@ -1,0 +1,278 @@
+// A whole recording into a temporary log, read back from its rows.
+
+#include "recorder/recorder.hpp"
+
+#include <set>
+
+#include "recorder/console.hpp"
+#include "recorder/queue.hpp"
+#include "schema/log.hpp"
+#include "schema/time.hpp"
+#include "tests/recorder/modbus_server.hpp"
+#include "tests/recorder/tiny_server.hpp"
+#include "tests/support/catch.hpp"
+#include "tests/support/temp_dir.hpp"
+
+using namespace tacho;
+using namespace tacho::recorder;
+using namespace tacho::recorder::test;
+using namespace std::chrono_literals;
+using tacho::test::TempDir;
+
+namespace {
+
+/// A robot's status port: answers 1100 and 1013 with fixed bodies.
+void serve_status(Peer& peer) {
+  wire::FrameDecoder decoder;
+  wire::Frame frame;
+  for (std::string byte = peer.read(1); !byte.empty(); byte = peer.read(1)) {
+    decoder.feed(byte);
+    if (decoder.next(frame)) {
+      const std::string body = frame.header.type == 1100 ? R"({"x":1.5,"vehicle_id":"AMB-1"})" : R"({"DI":[],"DO":[]})";
+      peer.write(wire::encode_frame(1, frame.header.sequence, wire::answer_type(frame.header.type), body));
+    }
+  }
+}
+
+Config config_for(const std::filesystem::path& log, const std::vector<std::pair<std::uint16_t, std::uint16_t>>& ports) {
+  Config config;
+  config.log = log;
+  config.commit_us = 50'000;
+  config.defaults.period_us = {50'000, 100'000, 25'000, 25'000};
+  config.defaults.status.spacing_us = 0;
+  config.defaults.modbus.spacing_us = 0;
+  config.defaults.status.timeout_us = config.defaults.modbus.timeout_us = 5'000'000;
+  for (std::size_t i = 0; i < ports.size(); ++i) {
+    RobotConfig robot;
+    robot.name = "r" + std::to_string(i + 1);
+    robot.host = "127.0.0.1";
+    robot.status_port = ports[i].first;
+    robot.modbus_port = ports[i].second;
+    robot.settings = config.defaults;
+    config.robots.push_back(robot);
+  }
+  return config;
+}
+
+std::unique_ptr<RowSource> open(const std::filesystem::path& log) {
+  return open_log(std::vector<std::filesystem::path>{log});
+}
+
+/// Each planned poll of each stream occurs exactly once among rows and gaps of the log; agrees with the summary.
+void check_log(const std::filesystem::path& folder, const std::vector<SourceSummary>& summary) {
+  const auto log = open(folder);
+  const auto robots = log->robots();
+  const auto streams = log->streams();
+  REQUIRE(streams.size() == summary.size());
+  for (const SourceSummary& row : summary) {
+    INFO(row.robot << " " << source_name(row.source));
+    const auto robot = std::find_if(robots.begin(), robots.end(), [&](const Robot& r) { return r.name == row.robot; });
+    REQUIRE(robot != robots.end());
+    const auto stream = std::find_if(streams.begin(), streams.end(),
+                                     [&](const Stream& s) { return s.robot == robot->id && s.source == row.source; });
+    REQUIRE(stream != streams.end());
+    REQUIRE(stream->planned);
+    CHECK(*stream->planned == row.planned);
+    std::vector<int> seen(row.planned, 0);
+    std::uint64_t stored = 0;
+    log->read_raw(robot->id, row.source, {}, [&](const Answer& a) {
+      ++seen.at(a.meta.seq);
+      ++stored;
+    });
+    Selection selection;
+    selection.rows[static_cast<std::size_t>(row.source)] = true;
+    log->read(robot->id, {}, selection, [&](const Slice& slice) {
+      for (const Gap& g : slice.gaps) {
+        for (std::uint64_t k = 0; g.source == row.source && !g.partial && k < g.seq_count; ++k) {
+          ++seen.at(g.seq_from + k);
+        }
+      }
+    });
+    CHECK(stored == row.stored);
+    CHECK(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
+  }
+}
+
+std::vector<Event> events_of(const std::filesystem::path& folder, RobotId robot) {
+  std::vector<Event> out;
+  Selection selection;
+  selection.rows.fill(true);
+  open(folder)->read(robot, {}, selection,
+                     [&](const Slice& s) { out.insert(out.end(), s.events.begin(), s.events.end()); });
+  return out;
+}
+
+void wait_done(const Recorder& recorder) {
+  while (!recorder.done()) {
+    std::this_thread::sleep_for(5ms);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a living robot beside a dead one: everything planned is stored or missed, told from the log alone") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { serve_status(peer); });
+  ModbusServer modbus([](const Asked&) { return 0; });
+  const std::uint16_t nobody = closed_port();
+  const Config config = config_for(dir / "log", {{status.port(), modbus.port()}, {nobody, nobody}});
+  std::mutex mutex;
+  std::vector<std::string> notices;
+  Recorder::Options options;
+  options.run_for_us = 1'500'000;
+  options.notice = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    notices.push_back(text);
+  };
+  Recorder recorder(config, std::move(options));
+  wait_done(recorder);
+  const auto summary = recorder.finish();
+  REQUIRE(summary.size() == 8);
+  check_log(dir / "log", summary);
+  for (const SourceSummary& row : summary) {
+    INFO(row.robot << " " << source_name(row.source));
+    const auto period = config.defaults.period(row.source);
+    CHECK(row.planned == static_cast<std::uint64_t>(1'500'000 / period));
+    CHECK((row.robot == "r1" ? row.stored > 0 : row.stored == 0));
+    if (row.robot == "r2") {
+      CHECK(row.missed[static_cast<std::size_t>(Cause::connect_refused)] == row.planned);
+    }
+  }
+  const auto log = open(dir / "log");
+  REQUIRE(log->sessions().size() == 1);
+  CHECK(log->sessions()[0].clean);
+  CHECK(log->sessions()[0].software.find("tacho-recorder") == 0);
+  CHECK(to_toml(parse_config(log->sessions()[0].config, "log")) == to_toml(config));
+  const auto events = events_of(dir / "log", 1);
+  CHECK(std::count_if(events.begin(), events.end(), [](const Event& e) { return e.kind == EventKind::link_up; }) == 2);
+  CHECK(std::any_of(notices.begin(), notices.end(),
+                    [](const std::string& t) { return t.find("r2: modbus: lost: ") == 0; }));
+}
+
+TEST_CASE("stopping at any moment ends the session cleanly and at once, whatever the timeout") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { peer.wait_closed(); });  // never answers
+  ModbusServer modbus([](const Asked&) { return -1; });
+  Config config = config_for(dir / "log", {{status.port(), modbus.port()}});
+  config.robots[0].settings.status.timeout_us = config.robots[0].settings.modbus.timeout_us = 60'000'000;
+  Recorder recorder(config, {});
+  while (status.connections() == 0 || modbus.connections() == 0) {
+    std::this_thread::sleep_for(1ms);
+  }
+  recorder.stop();
+  recorder.stop();
+  wait_done(recorder);  // would last a minute if the polls were not interrupted
+  const auto summary = recorder.finish();
+  check_log(dir / "log", summary);
+  for (const SourceSummary& row : summary) {
+    CHECK(row.stored == 0);
+    CHECK(row.missed[static_cast<std::size_t>(Cause::shutdown)] == row.planned);
+  }
+  CHECK(open(dir / "log")->sessions()[0].clean);
+}
+
+TEST_CASE("a recorder destroyed without finish leaves a readable log and an unclean session") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { serve_status(peer); });
+  Config config = config_for(dir / "log", {{status.port(), 1}});
+  config.robots[0].settings.period_us = {20'000, 0, 0, 0};
+  {
+    Recorder recorder(config, {});
+    while (recorder.progress().rows == 0) {
+      std::this_thread::sleep_for(5ms);
+    }
+  }
+  const auto log = open(dir / "log");
+  REQUIRE(log->sessions().size() == 1);
+  CHECK_FALSE(log->sessions()[0].clean);
+  CHECK(log->coverage()[0].stored > 0);
+}
+
+TEST_CASE("a stalled writer costs polls, which are counted as queue_full and nothing else") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { serve_status(peer); });
+  Config config = config_for(dir / "log", {{status.port(), 1}});
+  config.robots[0].settings.period_us = {10'000, 0, 0, 0};
+  std::atomic<bool> stall{true};
+  Recorder::Options options;
+  options.queue_items = 4;
+  options.notice = [&](const std::string&) {  // called by the writer: the first event, the link's, holds it up
+    while (stall) {
+      std::this_thread::sleep_for(1ms);
+    }
+  };
+  options.run_for_us = 600'000;
+  Recorder recorder(config, std::move(options));
+  while (recorder.progress().missed == 0) {
+    std::this_thread::sleep_for(1ms);
+  }
+  stall = false;
+  wait_done(recorder);
+  const auto summary = recorder.finish();
+  check_log(dir / "log", summary);
+  CHECK(summary[0].missed[static_cast<std::size_t>(Cause::queue_full)] > 0);
+}
+
+TEST_CASE("a status answer without DI and DO is pointed out once when io is off") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { serve_status(peer); });
+  Config config = config_for(dir / "log", {{status.port(), 1}});
+  config.robots[0].settings.period_us = {10'000, 0, 0, 0};
+  std::mutex mutex;
+  std::vector<std::string> notices;
+  Recorder::Options options;
+  options.notice = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    notices.push_back(text);
+  };
+  options.run_for_us = 500'000;
+  Recorder recorder(config, std::move(options));
+  wait_done(recorder);
+  recorder.finish();
+  CHECK(std::count_if(notices.begin(), notices.end(),
+                      [](const std::string& t) { return t.find("no DI and DO") != std::string::npos; }) == 1);
+}
+
+TEST_CASE("a second recorder on the same log is refused, also after the first has begun") {
+  TempDir dir;
+  const Config config = config_for(dir / "log", {{closed_port(), closed_port()}});
+  Recorder first(config, {});
+  CHECK_THROWS_AS(Recorder(config, {}), Error);
+  first.finish();
+}
+
+TEST_CASE("the queue refuses answers beyond its bounds and never a row that tells of a loss") {
+  Queue<int> queue(2, 100);
+  CHECK(queue.try_push(1, 60));
+  CHECK_FALSE(queue.try_push(2, 60));  // too many bytes
+  CHECK(queue.try_push(3, 10));
+  CHECK_FALSE(queue.try_push(4, 1));  // too many items
+  queue.push(5);
+  CHECK(queue.dropped() == 2);
+  std::vector<int> out;
+  CHECK(queue.pop_all(out, std::chrono::steady_clock::now()));
+  CHECK(out == std::vector<int>{1, 3, 5});
+  CHECK(queue.try_push(6, 1000));  // a single answer may be larger than the bound
+  queue.close();
+  CHECK(queue.pop_all(out, std::chrono::steady_clock::now()));
+  CHECK_FALSE(queue.pop_all(out, std::chrono::steady_clock::now()));
+}
+
+TEST_CASE("the status line and the summary show what happened") {
+  Progress p;
+  p.robots = 3;
+  p.robots_ok = 2;
+  p.rows = 1234;
+  p.missed = 5;
+  p.last_commit = 420us;
+  p.stored_bytes = 12'300'000;
+  CHECK(Console::status_text(p) == "robots 2/3  rows 1234  missed 5  queue 0  commit 0.4 ms  12.3 MB");
+  SourceSummary row;
+  row.robot = "amr-1";
+  row.planned = 10;
+  row.stored = 7;
+  row.missed[static_cast<std::size_t>(Cause::timeout)] = 2;
+  row.missed[static_cast<std::size_t>(Cause::overrun)] = 1;
+  const std::string text = summary_text({row});
+  CHECK(text.find("timeout 2, overrun 1") != std::string::npos);
+}
