@@ -52,9 +52,9 @@ run samples/install-packages.sh
 run cmake --preset release >"$out/build.txt"
 run cmake --build --preset release --target tacho-sim tacho-recorder tacho-analyzer >>"$out/build.txt" ||
   { tail -n 30 "$out/build.txt" >&2; exit 1; }
-sim=build/release/samples/simulator/tacho-sim
-recorder=build/release/recorder/tacho-recorder
-analyzer=build/release/analyzer/tacho-analyzer
+sim=$PWD/build/release/samples/simulator/tacho-sim
+recorder=$PWD/build/release/recorder/tacho-recorder
+analyzer=$PWD/build/release/analyzer/tacho-analyzer
 started=$SECONDS
 
 say "three simulated robots"
@@ -73,6 +73,7 @@ while read -r _ name address; do
 done < <(grep '^robot ' "$out/robots.txt")
 
 say "recording them for 60 s: status 1 Hz, io 2 Hz, registers 5 Hz, inputs 5 Hz"
+moment="$(date -u -d '30 seconds' +%Y-%m-%dT%H:%M:%SZ)"
 run "$recorder" run "${robots[@]}" --log "$out/live" --for 60s \
   --period status=1Hz,io=2Hz,registers=5Hz,inputs=5Hz
 kill -TERM "$sim_pid"
@@ -98,5 +99,5 @@ cat <<END
 and ask the logs yourself, for example
   $analyzer battery $out/month
   $analyzer alarms $out/month
-  $analyzer incident $out/live --at "\$(date -u -d '2 minutes ago' +%Y-%m-%dT%H:%M:%SZ)"
+  $analyzer incident $out/live --at $moment
 END

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kTotalTimeAtStartS = 449'741.604;
 constexpr double kTwistNoise = 1e-4;
+constexpr Micros kCycle = 50'000;                // of the controller: all sources asked within one show the same noise
 constexpr double kStationRadiusRegister = 0.50;  // 1100 uses 0.30
 constexpr std::int64_t kNoReflectors = 54018;
 constexpr std::int64_t kMotorEmergencyStop = 54004;
@@ -272,7 +273,7 @@ bool digital_output(const RobotState& state, int id) {
 }
 
 void read_sensors(const Scenario& scenario, const RobotState& state, Readings& out) {
-  const Noise noise(scenario.seed, state.t_us);
+  const Noise noise(scenario.seed, state.t_us / kCycle);
   out.value.fill(0.0);
   read_counters(scenario, state, out);
   read_motion(scenario, state, noise, out);

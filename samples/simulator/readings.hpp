@@ -18,7 +18,7 @@ struct Readings {
   [[nodiscard]] double operator[](FieldIndex f) const { return value[f]; }
 };
 
-/// Noise depends on (seed, state.t_us) only.
+/// Noise depends on the seed and on the controller's cycle (50 ms) that state.t_us is in.
 void read_sensors(const Scenario& scenario, const RobotState& state, Readings& out);
 
 inline constexpr int kInputCount = 25;

@@ -44,7 +44,7 @@ struct Scenario {
   double wait_s = 8.0;       ///< mean stay at a station, uniform 0.5..1.5 times this
   bool always_idle = false;  ///< stands at its dock and only charges
 
-  // Odometry: counter metres per true metre, measured twist per true twist, localisation noise (white, per answer).
+  // Odometry: counter metres per true metre, measured twist per true twist, localisation noise (white, per 50 ms).
   double odo_scale = 1.0;      ///< growth of `odo` = odo_scale x path of the wheels' centre; turning on the spot adds 0
   double twist_scale = 1.0;    ///< reported vx = twist_scale x v
   double angular_scale = 1.0;  ///< reported w = angular_scale x true w
