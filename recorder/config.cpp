@@ -84,9 +84,13 @@ std::vector<std::string> split_address(std::string_view text) {
     return split(text, ':');
   }
   const std::size_t close = text.find(']');
-  std::vector<std::string> parts{std::string(text.substr(1, close == std::string_view::npos ? close : close - 1))};
-  if (close != std::string_view::npos && close + 1 < text.size()) {
-    for (std::string& port : split(text.substr(close + 2), ':')) {
+  const std::string_view rest = close == std::string_view::npos ? text : text.substr(close + 1);
+  if (!rest.empty() && rest.front() != ':') {
+    return {std::string()};  // no host: refused by the caller
+  }
+  std::vector<std::string> parts{std::string(text.substr(1, close - 1))};
+  if (!rest.empty()) {
+    for (std::string& port : split(rest.substr(1), ':')) {
       parts.push_back(std::move(port));
     }
   }

@@ -36,11 +36,13 @@ void GapTracker::miss(std::uint64_t seq, std::uint64_t count, Micros due_us, Mic
   last_good_us_.reset();
 }
 
-void GapTracker::recovered(Micros t_send_us) {
-  if (open_ && !open_->partial) {
-    open_->t_to_us = t_send_us;
-    flush();
+std::optional<Gap> GapTracker::ended_by(Micros t_send_us) const {
+  if (!open_ || open_->partial) {
+    return std::nullopt;
   }
+  Gap gap = *open_;
+  gap.t_to_us = t_send_us;
+  return gap;
 }
 
 void GapTracker::stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, Cause cause,
@@ -52,7 +54,9 @@ void GapTracker::stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, C
     open_->t_to_us = t_recv_us;
     flush_if_old(t_recv_us);
   } else {
-    recovered(t_send_us);
+    if (open_ && !open_->partial) {
+      open_.reset();
+    }
     flush();
     if (!missing.empty()) {
       open(seq, 1, t_send_us, t_recv_us);

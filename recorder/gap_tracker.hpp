@@ -21,9 +21,11 @@ class GapTracker {
   /// `count` polls from `seq` on were missed; the first was due at `due_us`, the last at `last_due_us` (wall clock).
   void miss(std::uint64_t seq, std::uint64_t count, Micros due_us, Micros last_due_us, Cause cause,
             const std::string& detail);
-  /// The robot answered again: ends the open row of missed polls, if there is one.
-  void recovered(Micros t_send_us);
-  /// Poll `seq` was stored. `missing` non-empty: some of its ranges are not in it, for `cause`.
+  /// The open row of missed polls as an answer sent at `t_send_us` would end it; empty when there is none. It must
+  /// reach the log before that answer, but only when the answer does.
+  [[nodiscard]] std::optional<Gap> ended_by(Micros t_send_us) const;
+  /// Poll `seq` was stored, and what ended_by() gave went with it. `missing` non-empty: some of its ranges are not in
+  /// it, for `cause`.
   void stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, Cause cause = Cause::timeout,
               const std::string& missing = {});
   /// Writes the open row when it is older than the flush interval.

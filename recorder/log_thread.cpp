@@ -37,9 +37,9 @@ LogThread::~LogThread() {
   }
 }
 
-bool LogThread::answer(Answer answer) {
-  const std::size_t bytes = sizeof(Answer) + answer.body.size();
-  return queue_.try_push(Item(std::move(answer)), bytes);
+bool LogThread::answer(Answer answer, const std::optional<Gap>& before) {
+  const std::size_t bytes = sizeof(Stored) + answer.body.size();
+  return queue_.try_push(Item(Stored{std::move(answer), before}), bytes);
 }
 
 void LogThread::gap(const Gap& gap) { queue_.push(Item(gap)); }
@@ -97,9 +97,12 @@ void LogThread::commit() {
 }
 
 void LogThread::write(const Item& item) {
-  if (const auto* answer = std::get_if<Answer>(&item)) {
-    ingest_.append(*answer);
-    look_for_io(*answer);
+  if (const auto* stored = std::get_if<Stored>(&item)) {
+    if (stored->before) {
+      ingest_.add(*stored->before);
+    }
+    ingest_.append(stored->answer);
+    look_for_io(stored->answer);
   } else if (const auto* gap = std::get_if<Gap>(&item)) {
     ingest_.add(*gap);
   } else if (const auto* event = std::get_if<Event>(&item)) {

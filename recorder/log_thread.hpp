@@ -8,6 +8,7 @@
 #include <exception>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <variant>
@@ -40,7 +41,7 @@ class LogThread final : public Sink {
   void start();
 
   // Sink, from any thread.
-  [[nodiscard]] bool answer(Answer answer) override;
+  [[nodiscard]] bool answer(Answer answer, const std::optional<Gap>& before) override;
   void gap(const Gap& gap) override;
   void event(const Event& event) override;
   void word_order(RobotId robot, Source source, WordOrder order) override;
@@ -57,7 +58,11 @@ class LogThread final : public Sink {
     Source source;
     WordOrder order;
   };
-  using Item = std::variant<Answer, Gap, Event, OrderFound>;
+  struct Stored {
+    Answer answer;
+    std::optional<Gap> before;
+  };
+  using Item = std::variant<Stored, Gap, Event, OrderFound>;
 
   void run();
   void write(const Item& item);

@@ -50,7 +50,8 @@ void Poller::run(Micros start_us, Micros end_us) {
     if (!clock_.sleep_until(waiting ? due_us : std::max(due_us, not_before_us_))) {
       break;
     }
-    serve(lane, clock_.mono_us());
+    // Late at the end, polls that would be due after it are not part of the plan.
+    serve(lane, std::min(clock_.mono_us(), end_us - 1));
     flush_old_gaps();
   }
   finish(std::min(end_us, clock_.stopped_at().value_or(end_us)));
@@ -106,8 +107,7 @@ void Poller::store(Lane& lane, std::uint64_t seq, PollResult result) {
   answer.meta = {options_.robot, lane.plan.source, options_.session, seq, result.t_send_us, result.t_recv_us};
   answer.body = std::move(result.body);
   answer.header = std::move(result.header);
-  lane.gaps->recovered(result.t_send_us);  // first, so that rows reach the log in order
-  if (!sink_.answer(std::move(answer))) {
+  if (!sink_.answer(std::move(answer), lane.gaps->ended_by(result.t_send_us))) {
     miss(lane, 1, Cause::queue_full, "the writer's queue is full; is the disk too slow?");
     return;
   }

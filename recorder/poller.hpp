@@ -22,8 +22,8 @@ namespace tacho::recorder {
 class Sink {
  public:
   virtual ~Sink() = default;
-  /// False: the queue is full and the answer is lost.
-  [[nodiscard]] virtual bool answer(Answer answer) = 0;
+  /// `before`: the gap that this answer ends, to be written before it. False: the queue is full, both are not taken.
+  [[nodiscard]] virtual bool answer(Answer answer, const std::optional<Gap>& before) = 0;
   virtual void gap(const Gap& gap) = 0;
   virtual void event(const Event& event) = 0;
   virtual void word_order(RobotId robot, Source source, WordOrder order) = 0;

@@ -22,7 +22,7 @@ class FakeClock final : public Clock {
   [[nodiscard]] Micros mono_us() const override { return now_; }
   [[nodiscard]] Micros wall_us() const override { return kWallStart + now_ + wall_step_; }
   bool sleep_until(Micros t) override {
-    if (stop_at_ && t >= *stop_at_) {
+    if (stop_at_ && std::max(now_, t) >= *stop_at_) {
       now_ = std::max(now_, *stop_at_);
       stopped_ = *stop_at_;
       return false;
@@ -91,9 +91,12 @@ class FakeLink final : public Link {
 
 class VectorSink final : public Sink {
  public:
-  [[nodiscard]] bool answer(Answer a) override {
+  [[nodiscard]] bool answer(Answer a, const std::optional<Gap>& before) override {
     if (full && full()) {
       return false;
+    }
+    if (before) {
+      gaps.push_back(*before);
     }
     answers.push_back(std::move(a));
     return true;

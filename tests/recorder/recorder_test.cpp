@@ -8,6 +8,7 @@
 #include "recorder/queue.hpp"
 #include "schema/log.hpp"
 #include "schema/time.hpp"
+#include "schema/wire/frame.hpp"
 #include "tests/recorder/modbus_server.hpp"
 #include "tests/recorder/tiny_server.hpp"
 #include "tests/support/catch.hpp"
