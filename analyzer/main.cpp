@@ -184,6 +184,7 @@ class Program {
     Job job = open_job(options_);  // checks the zone before a time is read in it
     query.at_us = time_option("--at", extra_.at, options_.zone);
     job.window = {query.at_us - query.before_us, query.at_us + query.after_us};
+    options_.rows = 200;  // the time line is the answer
     return print(incident(*job.log, job.robot_ids(), query), job);
   }
 

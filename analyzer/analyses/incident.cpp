@@ -232,11 +232,11 @@ class RobotIncident {
 
   [[nodiscard]] bool told(const SignalChange& c) const {
     return std::any_of(events_.begin(), events_.end(), [&](const Event& e) {
-      if (e.source != c.source || e.seq != c.seq) {
-        return false;
+      if (e.subject == c.what) {  // an input, output or alarm; another source may have seen it a poll earlier or later
+        return e.t_from_us <= c.hull_to_us && e.t_us >= c.hull_from_us;
       }
-      if (c.alarm || c.field == kNoField) {
-        return e.subject == c.what;
+      if (e.source != c.source || e.seq != c.seq || c.field == kNoField) {
+        return false;
       }
       return std::any_of(kTold.begin(), kTold.end(),
                          [&](const Told& t) { return t.kind == e.kind && t.field == kFields[c.field].name; });

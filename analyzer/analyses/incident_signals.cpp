@@ -32,15 +32,25 @@ double material_step(const SignalCurve& curve) {
       return m.step;
     }
   }
-  return std::max(0.01 * std::max(std::abs(curve.least), std::abs(curve.greatest)), 1e-9);
+  // Without a unit nobody knows what much is: half of the greatest value.
+  return std::max(0.5 * std::max(std::abs(curve.least), std::abs(curve.greatest)), 1e-9);
 }
 
 bool is_number(Kind kind) { return kind == Kind::real; }
+/// The robot's clock, field by field: it always runs.
+bool is_clock(FieldIndex f) { return kFields[f].name.substr(0, 6) == "clock_"; }
 bool is_discrete(Kind kind) {
   return kind == Kind::integer || kind == Kind::flag || kind == Kind::code || kind == Kind::text || kind == Kind::list;
 }
 
 std::string number_text(double value) { return fmt::format("{:.6g}", value + 0.0); }
+
+/// "DI 3" for the field di_3 of the inputs source, else the field's name.
+std::string change_name(FieldIndex f) {
+  const std::string_view name = kFields[f].name;
+  const bool point = kFields[f].kind == Kind::flag && (name.substr(0, 3) == "di_" || name.substr(0, 3) == "do_");
+  return point ? (name[1] == 'i' ? "DI " : "DO ") + std::string(name.substr(3)) : std::string(name);
+}
 
 std::string point_name(const IoPoint& point) { return fmt::format("{} {}", point.output ? "DO" : "DI", point.id); }
 
@@ -88,7 +98,7 @@ void SignalTracker::fold(const Batch& batch) {
       }
       if (column.has(row) && is_number(kind)) {
         number(batch, column, row);
-      } else if (column.has(row) && is_discrete(kind)) {
+      } else if (column.has(row) && is_discrete(kind) && !is_clock(column.field)) {
         discrete(batch, column, row);
       }
     }
@@ -143,7 +153,7 @@ void SignalTracker::discrete(const Batch& batch, const Column& column, std::size
     change.seq = batch.seq[row];
     change.hull_from_us = d.t_send_us;
     change.hull_to_us = batch.t_recv_us[row];
-    change.what = kFields[column.field].name;
+    change.what = change_name(column.field);
     change.field = column.field;
     change.old_value = d.text;
     change.new_value = text;
@@ -162,7 +172,7 @@ void SignalTracker::points(const Batch& batch, std::size_t row) {
     const std::string name = point_name(point);
     const auto [at, is_new] = points_.try_emplace({batch.source, name}, point.status, batch.t_send_us[row]);
     if (!is_new && at->second.first != point.status && batch.t_recv_us[row] >= from_us_) {
-      const auto text = [](bool on) { return on ? std::string("on") : std::string("off"); };
+      const auto text = [](bool on) { return on ? std::string("true") : std::string("false"); };
       other_changes_.push_back({batch.source, batch.seq[row], at->second.second, batch.t_recv_us[row], name, kNoField,
                                 text(!point.status), text(point.status), false});
     }
@@ -231,10 +241,22 @@ bool SignalTracker::best_source(const Key& key) const {
 bool SignalTracker::running(const Discrete& d) { return d.changes.size() > 5 && 2 * d.changes.size() > d.rows; }
 
 std::vector<SignalChange> SignalTracker::changes() const {
-  std::vector<SignalChange> out = other_changes_;
+  std::vector<SignalChange> all = other_changes_;
   for (const auto& [key, d] : discrete_) {
     if (!running(d) && best_source(key)) {
-      out.insert(out.end(), d.changes.begin(), d.changes.end());
+      all.insert(all.end(), d.changes.begin(), d.changes.end());
+    }
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const SignalChange& a, const SignalChange& b) { return a.hull_to_us < b.hull_to_us; });
+  std::vector<SignalChange> out;
+  for (SignalChange& change : all) {
+    const bool repeated = std::any_of(out.begin(), out.end(), [&](const SignalChange& earlier) {
+      return earlier.source != change.source && earlier.what == change.what && earlier.new_value == change.new_value &&
+             earlier.hull_to_us >= change.hull_from_us;
+    });
+    if (!repeated) {
+      out.push_back(std::move(change));
     }
   }
   return out;

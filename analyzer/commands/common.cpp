@@ -199,6 +199,7 @@ int emit(const Section& section, const report::Origin& origin, const Options& op
     terminal.zone = options.zone;
     terminal.colour = options.output.empty() && isatty(STDOUT_FILENO) == 1;
     terminal.all = options.all;
+    terminal.rows = options.rows;
     write_result(report::terminal_text(section, terminal), options);
   }
   return exit_code(section.findings, options.fail_on);

@@ -40,6 +40,7 @@ struct Options {
   std::string fail_on;  ///< "", "warn", "fail"
   std::string table;    ///< the one table of --format csv on standard output
   bool all = false;
+  std::size_t rows = 25;  ///< of a table on a terminal, unless `all`
 };
 
 /// An opened log and the options, understood.

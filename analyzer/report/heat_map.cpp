@@ -20,6 +20,7 @@ constexpr int kRight = 150;
 constexpr int kBottom = 58;
 constexpr int kLargestMap = 1000;  // pixels
 constexpr int kLargestCell = 20;
+constexpr int kFloor = 12;  // empty floor around the cells
 constexpr int kLeastFrameWidth = 420;
 constexpr int kLeastFrameHeight = 300;
 
@@ -130,13 +131,23 @@ void draw_scale_bar(Canvas& canvas, const Grid& grid, const MapGeometry& geometr
   canvas.text(x + pixels + 8, y - 5, label, kInk);
 }
 
+/// Values without a unit are counts or shares; whole numbers only means counts.
+std::string legend_unit(const GridLayer& layer) {
+  if (!layer.unit.empty() && layer.unit != "1") {
+    return layer.unit;
+  }
+  const bool whole = std::all_of(layer.value.begin(), layer.value.end(),
+                                 [](double v) { return !std::isfinite(v) || v == std::floor(v); });
+  return whole ? "count" : "share";
+}
+
 void draw_legend(Canvas& canvas, const GridLayer& layer, const ColourScale& scale, bool faded, Rect frame) {
   const int x = frame.x + frame.width + 22;
   constexpr int bar = 18;
   const int swatches = faded ? 2 : 1;
   const int top = frame.y + 22;
   const int height = std::clamp(frame.height - 22 - 24 * swatches - 14, 120, 360);
-  const std::string unit = layer.unit == "1" ? "share" : layer.unit.empty() ? "count" : layer.unit;
+  const std::string unit = legend_unit(layer);
   canvas.text(x, frame.y, unit, kInk, kBold);
   for (int y = 0; y < height; ++y) {
     canvas.fill({x, top + y, bar, 1}, viridis(1.0 - static_cast<double>(y) / (height - 1)));
@@ -174,7 +185,8 @@ MapGeometry map_geometry(const Grid& grid) {
   const auto pixels = [&](std::size_t cells) {
     return static_cast<int>((cells + out.cells_per_pixel - 1) / out.cells_per_pixel) * out.pixels_per_cell;
   };
-  out.frame = {kLeft, kTop, std::max(pixels(width), kLeastFrameWidth), std::max(pixels(height), kLeastFrameHeight)};
+  out.frame = {kLeft, kTop, std::max(pixels(width) + 2 * kFloor, kLeastFrameWidth),
+               std::max(pixels(height) + 2 * kFloor, kLeastFrameHeight)};
   out.map = {kLeft + (out.frame.width - pixels(width)) / 2, kTop + (out.frame.height - pixels(height)) / 2,
              pixels(width), pixels(height)};
   return out;
@@ -194,8 +206,8 @@ Canvas draw_heat_map(const Grid& grid, const GridLayer& layer) {
     return shortened(text, static_cast<std::size_t>((canvas.width() - kLeft - 8) / font.advance));
   };
   canvas.text(kLeft, 10, fitting(layer.title.empty() ? layer.name : layer.title, kBold), kInk, kBold);
-  const std::string below =
-      grid.title + (grid.map.empty() ? "" : ", map " + grid.map) + ", cell " + brief(grid.cell_m) + " m";
+  const bool told = grid.map.empty() || grid.title.find(grid.map) != std::string::npos;
+  const std::string below = grid.title + (told ? "" : ", map " + grid.map) + ", cell " + brief(grid.cell_m) + " m";
   canvas.text(kLeft, 28, fitting(below, kRegular), kSoft);
   return canvas;
 }

@@ -61,6 +61,7 @@ std::string coloured(Verdict verdict, bool colour) {
 
 struct CellText {
   const TerminalOptions& options;
+  const std::string& column_unit;
   std::string operator()(const Missing&) const { return "-"; }
   std::string operator()(bool value) const { return value ? "yes" : "no"; }
   std::string operator()(std::int64_t value) const { return exact(value); }
@@ -71,7 +72,12 @@ struct CellText {
   }
   std::string operator()(const Time& value) const { return time_text(value.us, options.zone); }
   std::string operator()(const Quantity& value) const {
-    return value.value ? brief(value) : value.reason.empty() ? "-" : (*this)(brief(value));
+    if (!value.value) {
+      return value.reason.empty() ? "-" : (*this)(brief(value));
+    }
+    Quantity shown = value;
+    shown.unit = value.unit == column_unit ? "" : value.unit;  // the header has said it
+    return brief(shown);
   }
 };
 
@@ -116,7 +122,7 @@ Grid2D cells_of(const DataTable& table, const TerminalOptions& options, std::siz
   for (std::size_t r = 0; r < shown; ++r) {
     grid.rows.emplace_back();
     for (std::size_t c = 0; c < table.columns.size(); ++c) {
-      grid.rows.back().push_back(std::visit(CellText{options}, table.rows[r][c]));
+      grid.rows.back().push_back(std::visit(CellText{options, table.columns[c].unit}, table.rows[r][c]));
       grid.right[c] = grid.right[c] || numeric(table.rows[r][c]);
     }
   }

@@ -122,7 +122,7 @@ TEST_CASE("alarms are raised and cleared in the time line, and stand in the stat
   const DataTable& state = table(section, "state");
   std::size_t alarms = 0;
   for (std::size_t i = 0; i < state.rows.size(); ++i) {
-    alarms += text(state, i, "field") == "alarm" && text(state, i, "value") == "error 52201" ? 1 : 0;
+    alarms += text(state, i, "field") == "alarm" && text(state, i, "value") == "error 52201" ? 1U : 0U;
   }
   CHECK(alarms == 1);
 }
@@ -257,5 +257,35 @@ TEST_CASE("inputs and outputs change in the time line, from the first time they 
   const DataTable& line = table(section, "timeline");
   const auto rows = about(line, "DI 3");
   REQUIRE(rows.size() == 1);
-  CHECK(text(line, rows[0], "new") == "on");
+  CHECK(text(line, rows[0], "new") == "true");
+}
+
+TEST_CASE("an input that several sources report, or an event names, is told once") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t < 20; ++t) {
+    for (const Source source : {Source::status, Source::io}) {
+      Sample& s = log.row(robot, source, source == Source::io ? t + 0.5 : t);
+      MemoryLog::set_int(s, "di", 1);
+      s.points.push_back({false, t >= 12, 1, 3, 0});
+    }
+    MemoryLog::set_int(log.row(robot, Source::inputs, t + 0.7), "di_3", t >= 12 ? 1 : 0);
+  }
+  const auto told = [](const Section& section) {
+    const DataTable& line = table(section, "timeline");
+    return about(line, "DI 3").size() + about(line, "di_3").size() + about(line, "digital_input DI 3").size();
+  };
+  CHECK(told(run(log, 10.0)) == 1);
+  Event event;
+  event.robot = robot;
+  event.source = Source::io;
+  event.kind = EventKind::digital_input;
+  event.subject = "DI 3";
+  event.seq = 12;
+  event.t_from_us = MemoryLog::micros(11.5);
+  event.t_us = MemoryLog::micros(12.504);
+  log.event(event);
+  const Section section = run(log, 10.0);
+  CHECK(told(section) == 1);
+  CHECK(about(table(section, "timeline"), "digital_input DI 3").size() == 1);
 }
