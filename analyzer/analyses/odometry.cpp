@@ -139,12 +139,12 @@ class OdometryAnalysis final : public Analysis {
   }
 
   void fold(const Slice& slice) override {
-    Micros last_us = std::numeric_limits<Micros>::min();
+    std::optional<Micros> last_us;
     const auto each = [&](Source source, const auto& use) {
       const RowReader reader(slice, source);
       for (std::size_t row = 0; row < reader.rows(); ++row) {
         const CrossRow cross = reader.at(row);
-        last_us = std::max(last_us, cross.base.t_us);
+        last_us = std::max(last_us.value_or(cross.base.t_us), cross.base.t_us);
         use(cross);
       }
     };
@@ -165,7 +165,9 @@ class OdometryAnalysis final : public Analysis {
         }
       });
     }
-    cross_.settle(last_us);
+    if (last_us) {
+      cross_.settle(*last_us);
+    }
   }
 
   void merge(Analysis& other) override {

@@ -112,7 +112,7 @@ void CounterFold::end_idle() {
 void CounterFold::step(const RawRow& raw, const Prepared& prepared) {
   const double grown = raw.odo - last_.odo;
   CounterEvent event{CounterEvent::What::fall, last_.t_us, raw.t_us, last_.odo, raw.odo, raw.uptime_s, 0.0};
-  if (grown < 0.0) {
+  if (grown < -kTremble_m) {
     result_.events.push_back(event);
   } else if (grown > config_.v_max_mps * std::max(prepared.dt_s, 0.0)) {
     event.what = CounterEvent::What::jump;
@@ -140,8 +140,8 @@ void CounterFold::add_today(const RawRow& raw) {
   const double today = raw.today_odo + 0.0;
   today_quantum_.add(today);
   const double difference = raw.odo - today;
-  const bool fell = today < last_today_;
-  if (result_.days.empty() || fell || raw.odo < last_.odo) {
+  const bool fell = today < last_today_ - kTremble_m;
+  if (result_.days.empty() || fell || raw.odo < last_.odo - kTremble_m) {
     result_.days.push_back({raw.t_us, raw.t_us, difference, difference, fell, last_today_us_});
   }
   RobotDay& day = result_.days.back();

@@ -39,14 +39,15 @@ constexpr std::size_t kMostLags = 400'000;
 
 double mix(double a, double b, double f) { return a + f * (b - a); }
 
-/// What linear interpolation of a speed can miss: rates of change within +-a, ends known.
+/// What linear interpolation of a speed can miss: any value between the ends, and what |dv/dt| <= a allows beyond.
 double speed_doubt(double v0, double v1, double a, double f, double dt) {
   const double slope = (v1 - v0) / dt;
   const double bound = std::max(a, std::abs(slope));
   const double left = f * dt;
   const double right = (1.0 - f) * dt;
-  return std::max(std::min((bound - slope) * left, (bound + slope) * right),
-                  std::min((bound + slope) * left, (bound - slope) * right));
+  const double between_ends = std::abs(v1 - v0) * std::max(f, 1.0 - f);
+  return std::max({between_ends, std::min((bound - slope) * left, (bound + slope) * right),
+                   std::min((bound + slope) * left, (bound - slope) * right)});
 }
 
 /// Register 8 for a JSON reloc_status: the lists differ at 0.
@@ -92,7 +93,9 @@ void CrossFold::add_json(const CrossRow& row, bool joined) {
       turn_accel_.add(dw);
     }
   }
-  json_.push_back({row, joined, accel_.value(), turn_accel_.value()});
+  fastest_ = std::fmax(fastest_, std::abs(row.base.vx));
+  fastest_turn_ = std::fmax(fastest_turn_, std::abs(row.base.w));
+  json_.push_back({row, joined, accel_.value(), turn_accel_.value(), fastest_, fastest_turn_});
 }
 
 void CrossFold::count(Compared what, Micros t_us, double difference, double tolerance) {
@@ -149,9 +152,13 @@ void CrossFold::compare_motion(const Pair& p) {
     count(what, m.t_us, std::abs(reg - mix(from, to, p.f)),
           0.5 * float32_step(reg) + 5e-5 + bound * p.u + speed_doubt(from, to, bound, p.f, p.dt));
   };
-  rate(Compared::vx, a.vx, b.vx, m.vx, p.b.accel);
-  rate(Compared::vy, a.vy, b.vy, m.vy, p.b.accel);
-  rate(Compared::w, a.w, b.w, m.w, p.b.turn_accel);
+  if (p.b.accel * p.dt < 0.9 * p.b.fastest) {
+    rate(Compared::vx, a.vx, b.vx, m.vx, p.b.accel);
+    rate(Compared::vy, a.vy, b.vy, m.vy, p.b.accel);
+  }
+  if (p.b.turn_accel * p.dt < 0.9 * p.b.fastest_turn) {
+    rate(Compared::w, a.w, b.w, m.w, p.b.turn_accel);
+  }
 }
 
 void CrossFold::compare(const Pair& p) {

@@ -2,13 +2,14 @@
 // A12: JSON against Modbus. Each JSON interval takes the register row nearest to one of its ends; JSON is interpolated
 // (poses on SE(2)) to the register's time and |difference| compared with a tolerance:
 //   odo, today_odo  ulp32/2 + 0.0005 + v_max (u_J + u_M) + i
-//   x, y            ulp32/2 + 5e-5 + v (u_J + u_M) + i + noise        angle  1e-4 + w (u_J + u_M) + i_w + noise, mod 2
-//   pi vx, vy, w       ulp32/2 + 5e-5 + a (u_J + u_M) + s                SoC    1 % (integer percent and JSON rounding)
+//   x, y            ulp32/2 + 5e-5 + v (u_J + u_M) + i + noise      angle  1e-4 + w (u_J + u_M) + i_w + noise, mod 2 pi
+//   vx, vy, w       ulp32/2 + 5e-5 + a (u_J + u_M) + s              SoC    1 % (integer percent and JSON rounding)
 //   total_time      ulp32(hours) 1800 s + 0.001 s + u_J + u_M
 // i = a f (1-f) dt^2 / 2 and s = what interpolation between two polls can miss with |dv/dt| <= a (99.9 percentile so
 // far, at least the floor); noise = max(10 mm, 6 sqrt2 sigma_p), max(10 mrad, 6 sqrt2 sigma_theta): two estimates of
-// one pose. Where i exceeds 0.25 m the pair says nothing and is not used. States (localisation, task, block reason) go
-// through maps of their codes, must be the same at both ends of the JSON interval, and may lag by one poll. Station:
+// one pose. A pair that says nothing is not used: counters and poses where i exceeds 0.25 m, speeds where a dt reaches
+// the fastest speed so far (what happens between two polls is not resolved). States (localisation, task, block reason)
+// go through maps of their codes, must be the same at both ends of the JSON interval, and may lag by one poll. Station:
 // "JSON empty, register set" is right (0.30 m against 0.50 m). Alarms: first codes of the registers must be in JSON
 // within one poll on both sides.
 //
@@ -93,7 +94,8 @@ class CrossFold {
   struct JsonRow {
     CrossRow row;
     bool joined = false;
-    double accel = 0, turn_accel = 0;  ///< bounds as of this row
+    double accel = 0, turn_accel = 0;      ///< bounds as of this row
+    double fastest = 0, fastest_turn = 0;  ///< so far
   };
   /// A pose difference that noise must explain.
   struct Excess {
@@ -112,6 +114,8 @@ class CrossFold {
   Config config_;
   RunningBound accel_;
   RunningBound turn_accel_;
+  double fastest_ = 0;
+  double fastest_turn_ = 0;
   std::deque<JsonRow> json_;
   std::deque<CrossRow> registers_;
   std::size_t next_ = 0;  ///< start of the next interval in json_; the row before it is kept

@@ -94,7 +94,7 @@ bool Preparation::cut_at(const RawRow& raw, const Row& row, double dt_s, Cut& cu
       {dt_s > gap_s(), Cut::gap},
       {raw.map != last_.map && raw.map != 0 && last_.map != 0, Cut::map},
       {reloc_edge, Cut::localisation},
-      {row.all(kOdo) && last_row_.all(kOdo) && raw.odo < last_.odo, Cut::counter},
+      {row.all(kOdo) && last_row_.all(kOdo) && raw.odo < last_.odo - kTremble_m, Cut::counter},
       {row.all(kPose) != last_row_.all(kPose), Cut::pose},
   }};
   const auto hit = std::find_if(rules.begin(), rules.end(), [](const auto& rule) { return rule.first; });

@@ -42,6 +42,9 @@ struct RawRow {
   bool manual = false, free_wheel = false, charging = false;
 };
 
+/// A counter that is lower by less has not fallen: some controllers print sums with their last digits trembling.
+inline constexpr double kTremble_m = 1e-6;
+
 enum Tag : std::uint16_t {
   kPose = 1,  ///< pose given and localised
   kOdo = 2,

@@ -196,11 +196,15 @@ TEST_CASE("repeated answers change nothing but their own count") {
 }
 
 TEST_CASE("the robot's midnight and its time zone come from today_odo") {
-  PaperLog log = status_log(
-      robot_of(30.0), [](PaperAnswer& a) { a.today_odo -= a.t_s >= 11 * 3600.0 ? a.odo - 22000.0 : 0.0; }, 1.0);
+  double at_midnight = 0.0;
+  PaperLog log = status_log(robot_of(14.0), [&at_midnight](PaperAnswer& a) {
+    at_midnight = a.t_s < 11 * 3600.0 ? a.odo : at_midnight;
+    a.today_odo = a.t_s < 11 * 3600.0 ? a.today_odo : a.odo - at_midnight;
+  });
   const Section s = run_odometry(log);
   // At 11:00 UTC the robot thinks it is midnight: UTC-11, as real ones do.
   CHECK(number(s, "counter", "robot_zone_h") == -11.0);
+  CHECK(number(s, "counter", "today_range_m") <= number(s, "counter", "today_allowed_m"));
 }
 
 TEST_CASE("cutting the same rows into slices differently changes nothing") {

@@ -172,7 +172,7 @@ class PaperLog final : public RowSource {
       Coverage c;
       c.robot = 1;
       c.source = stream.source;
-      c.stored = static_cast<std::uint64_t>(robot_.hours * 3600.0 / stream.period_s);
+      c.stored = static_cast<std::uint64_t>(std::ceil(robot_.hours * 3600.0 / stream.period_s));
       c.period_us = static_cast<Micros>(stream.period_s * 1e6);
       c.seen.set();
       all.push_back(c);
