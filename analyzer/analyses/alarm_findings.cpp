@@ -44,18 +44,14 @@ void undecided(Finding& f) {
 
 std::string show(const AlarmKey& key) { return fmt::format("{} {}", alarm_level_name(key.level), key.code); }
 
-const RobotAlarms* robot_named(const AlarmData& data, const std::string& name) {
+/// Of the robot, or of the first one of all that can tell.
+std::string source_of(const AlarmData& data, const AlarmScope& scope) {
   for (const RobotAlarms& robot : data.robots) {
-    if (robot.name == name) {
-      return &robot;
+    if (!robot.source.empty() && (scope.robot.empty() || robot.name == scope.robot)) {
+      return robot.source;
     }
   }
-  return nullptr;
-}
-
-std::string source_of(const AlarmData& data, const AlarmScope& scope) {
-  const RobotAlarms* robot = robot_named(data, scope.robot);
-  return robot != nullptr && !robot->source.empty() ? robot->source : "status";
+  return {};
 }
 
 Finding rate_band(const AlarmData& data, const AlarmScope& scope) {
@@ -147,7 +143,7 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
   }
   f.value = cells::bounded(seen, sure, possible, "");
   f.value.exposure = robot.exposure.observed_s / 3'600.0;
-  // Between two raises lies at least one poll without the alarm.
+  // Between two raises lies at least one poll without the alarm; twice as many are needed to see most of them.
   const double period_s = static_cast<double>(robot.period_us) * 1e-6;
   const double fastest_s = 2.0 * period_s * static_cast<double>(data.rules.chatter.raises - 1);
   const double hours = robot.exposure.observed_s / 3'600.0;
@@ -155,11 +151,12 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
     f.verdict = Verdict::fail;
   } else if (sure > 0) {
     f.verdict = Verdict::warn;
-  } else if (hours < data.rules.min_hours || fastest_s > static_cast<double>(data.rules.chatter.window_us) * 1e-6) {
+  } else if (hours < data.rules.min_hours ||
+             2.0 * fastest_s > static_cast<double>(data.rules.chatter.window_us) * 1e-6) {
     unknown(f, "",
             hours < data.rules.min_hours
                 ? fmt::format("{:.2g} h observed, {:g} h needed", hours, data.rules.min_hours)
-                : fmt::format("at a period of {:g} s so many raises in the window cannot be seen", period_s),
+                : fmt::format("at a period of {:g} s most raises of a chattering code are not seen", period_s),
             "record longer or poll faster");
     return f;
   } else {
