@@ -174,7 +174,7 @@ TEST_CASE("a result that cannot be written is an error, not silence") {
   TempDir dir;
   std::ofstream(dir / "file") << "x";
   const std::string below = (dir / "file" / "result").string();  // also root cannot write below a file
-  for (const std::string& name : {"info", "export"}) {
+  for (const char* name : {"info", "export"}) {
     const Outcome outcome = analyze({name, log_of_three(), "-o", below});
     INFO(name << ": " << outcome.err);
     CHECK(outcome.code == 1);
