@@ -71,14 +71,15 @@ std::string summary_text(const std::vector<SourceSummary>& rows) {
     for (std::size_t c = 0; c < row.missed.size(); ++c) {
       missed += row.missed[c];
       if (row.missed[c] > 0) {
-        causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", cause_name(static_cast<Cause>(c)), row.missed[c]);
+        causes +=
+            fmt::format("{}{} {}", causes.empty() ? "  " : ", ", cause_name(static_cast<Cause>(c)), row.missed[c]);
       }
     }
     if (row.partial > 0) {
-      causes += fmt::format("{}{} stored in part", causes.empty() ? "" : ", ", row.partial);
+      causes += fmt::format("{}{} stored in part", causes.empty() ? "  " : ", ", row.partial);
     }
-    out += fmt::format("{:<{}}  {:<9}  {:>9}  {:>9}  {:>9}  {}\n", row.robot, width, source_name(row.source),
-                       row.planned, row.stored, missed, causes);
+    out += fmt::format("{:<{}}  {:<9}  {:>9}  {:>9}  {:>9}{}\n", row.robot, width, source_name(row.source), row.planned,
+                       row.stored, missed, causes);
   }
   return out;
 }

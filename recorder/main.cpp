@@ -139,7 +139,10 @@ int parse_and_run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsage;
+    if (error.get_exit_code() == 0) {
+      return app.exit(error);  // --help, --version
+    }
+    throw UsageError("arguments", error.what(), "see tacho-recorder --help");
   }
   return check_cmd->parsed() ? check_command(arguments) : run(arguments);
 }

@@ -56,7 +56,6 @@ void Poller::run(Micros start_us, Micros end_us) {
   }
   finish(std::min(end_us, clock_.stopped_at().value_or(end_us)));
   link_->close();
-  up_ = false;
 }
 
 void Poller::serve(Lane& lane, Micros now_us) {

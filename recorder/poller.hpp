@@ -70,6 +70,7 @@ class Poller {
   [[nodiscard]] const PollerOptions& options() const { return options_; }
   /// `index`: position in options().sources.
   [[nodiscard]] const SourceCounters& counters(std::size_t index) const { return lanes_[index]->counters; }
+  /// After run(): the last state.
   [[nodiscard]] bool link_up() const { return up_; }
 
  private:
