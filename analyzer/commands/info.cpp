@@ -281,7 +281,8 @@ Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all) {
   return f;
 }
 
-Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all, const MissedBySource& missed) {
+Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all, const MissedBySource& missed,
+                           bool damaged) {
   Finding f = finding("DATA-02", robot.name, "polls that are neither stored nor in a gap row");
   f.threshold = "stored + missed = planned for every source";
   f.value.value = 0.0;
@@ -302,7 +303,8 @@ Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all,
                                         c.planned, c.stored, c.missed, in_gaps)});
     }
   }
-  f.advice = "rows are lost or doubled: keep the log as it is and report this as a defect";
+  f.advice = damaged ? "a part of this log is damaged or missing (DATA-11): what it held cannot be counted"
+                     : "rows are lost or doubled: keep the log as it is and report this as a defect";
   return f;
 }
 
@@ -341,7 +343,7 @@ Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogR
   const MissedBySource missed = read_gaps(log, robots);
   for (const Robot& robot : robots) {
     section.findings.push_back(coverage_finding(robot, all));
-    section.findings.push_back(accounting_finding(robot, all, missed));
+    section.findings.push_back(accounting_finding(robot, all, missed, !log.problems().empty()));
   }
   if (reader != nullptr) {
     section.tables.push_back(parts_table(*reader));
