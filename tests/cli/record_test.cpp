@@ -79,7 +79,7 @@ std::string real_answer() {
       std::filesystem::path(TACHO_SOURCE_DIR) / "../shared/data/real-1100-forklift-rbk3.4.7.json";
   return std::filesystem::exists(file)
              ? test::read_file(file)
-             : test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/status-1100-document.json");
+             : test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/wire/vendor-1100-answer.json");
 }
 
 /// Serves `body` as every 11100 answer (and `io_body` as every 11013 answer), records it and returns the log's folder.
@@ -145,7 +145,7 @@ TEST_CASE("a real answer is recorded byte for byte and every key of it is known"
   TempDir dir;
   const std::string body = real_answer();
   record_body(dir, body,
-              test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/io-1013-document.json"));
+              test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/wire/vendor-1013-answer.json"));
   const std::string log = (dir / "log").string();
   const Outcome raw = test::run(kAnalyzer, {"export", log, "--raw", "--source", "status", "--robot", "robot1"});
   REQUIRE(raw.code == 0);
@@ -176,7 +176,7 @@ TEST_CASE("one invented key in a real answer is listed, and only that one") {
 TEST_CASE("the example of the 1013 document is recorded and decoded") {
   TempDir dir;
   record_body(dir, real_answer(),
-              test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/io-1013-document.json"));
+              test::read_file(std::filesystem::path(TACHO_SOURCE_DIR) / "tests/golden/wire/vendor-1013-answer.json"));
   const auto log = open(dir / "log");
   Selection selection;
   selection.add(Source::io, field("di"));
