@@ -107,8 +107,8 @@ Finding deep_finding(const RobotFold& fold) {
   const Usage& u = fold.usage;
   const double half = fold.packs.back()->cycles.quantum / 2;
   const Quantity lowest = within(u.soc_min * 100, (u.soc_min - half) * 100, (u.soc_min + half) * 100, "%");
-  const bool deep = u.soc_min < c.deep_soc;
-  const bool low = u.soc_min < c.low_soc;
+  const bool deep = u.soc_min + half < c.deep_soc;
+  const bool low = u.soc_min - half < c.low_soc;
   for (const Stretch& s : (deep ? u.deep : u.low).examples()) {
     b.evidence(s.from_us, s.to_us, Item::level,
                fmt::format("below {:.0f} % for {}", (deep ? c.deep_soc : c.low_soc) * 100,

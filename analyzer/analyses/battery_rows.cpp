@@ -82,7 +82,7 @@ RowReader::RowReader(const RobotContext& context, const Config& config) : config
   for (std::size_t i = 0; i < kItems; ++i) {
     stats_[i].source = context.choose({inputs()[i].field, inputs()[i].sources});
   }
-  for (const Item item : {Item::current, Item::level, Item::voltage, Item::temp}) {
+  for (const Item item : {Item::current, Item::level, Item::voltage, Item::temp, Item::charging}) {
     if (!clock_) {
       clock_ = stats_[at(item)].source;
     }

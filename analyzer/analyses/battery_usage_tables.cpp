@@ -42,11 +42,12 @@ void current_rows(MeasureTable& t, const RobotFold& fold) {
       const std::string rank = fmt::format("{:.0f} % of the time below", share * 100);
       const Quantity none = unknown("no " + what + " seen", "A");
       t.add(fold, what + " current", std::isnan(amperes) ? none : known(amperes, "A"), rank);
-      t.add(fold, what + " C-rate",
-            !nominal              ? unknown(kNominalMissing, "1/h")
-            : std::isnan(amperes) ? unknown("no " + what + " seen", "1/h")
-                                  : known(amperes / *nominal, "1/h"),
-            rank);
+      if (nominal) {
+        t.add(fold, what + " C-rate", std::isnan(amperes) ? none : known(amperes / *nominal, "1/h"), rank);
+      }
+    }
+    if (!nominal) {
+      t.add(fold, what + " C-rate", unknown(kNominalMissing, "1/h"));
     }
   }
   t.add(fold, "time charging", known(fold.use.seconds(fold.sign() > 0 ? Use::positive : Use::negative) / 3600, "h"));

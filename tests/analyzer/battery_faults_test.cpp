@@ -99,6 +99,16 @@ TEST_CASE("a log without robots, without rows or without battery fields is unkno
   all_unknown(section);
   CHECK(finding(section, "BAT-04", "amr").value.reason == "battery_level is in no answer of this log");
   CHECK(section.series.empty());
+
+  MemoryLog flag_only;
+  const RobotId other = flag_only.add_robot("amr");
+  for (int i = 0; i < 50; ++i) {
+    MemoryLog::set_int(flag_only.row(other, Source::status, i), "charging", 0);
+  }
+  const Section flagged = run_battery(flag_only);
+  all_unknown(flagged);
+  const DataTable& fields = table(flagged, "battery_fields");
+  CHECK(number(cell(fields, 3, "given")) == 100.0);
 }
 
 TEST_CASE("one snapshot gives its reading and no rates") {
@@ -281,6 +291,16 @@ TEST_CASE("deep discharge and heat are found with their times") {
   CHECK(finding(run_battery(spike), "BAT-06", "amr").verdict == Verdict::pass);
   GeneratedLog cold = told(3, [](double, Told& now) { now.temp = -5; });
   CHECK(finding(run_battery(cold), "BAT-06", "amr").verdict == Verdict::warn);
+}
+
+TEST_CASE("a reading that may lie on either side of a threshold warns, it does not fail") {
+  GeneratedLog log = told(2, [](double t, Told& now) { now.soc = std::round(50 - t / 180) / 100; });
+  Settings settings;
+  settings.set("battery.deep_soc", 0.103, "test");
+  const Finding f = finding(run_battery(log, settings), "BAT-04", "amr");
+  CHECK(*f.value.value == Approx(10));
+  CHECK(*f.value.hi == Approx(10.5));
+  CHECK(f.verdict == Verdict::warn);
 }
 
 TEST_CASE("thresholds come from the settings and say so") {
