@@ -1,6 +1,7 @@
 #include "schema/fields.hpp"
 
 #include "schema/docs.hpp"
+#include "schema/store/schema_sql.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/golden.hpp"
 
@@ -48,6 +49,10 @@ TEST_CASE("reasons and positions of obstacles mean something only while the robo
   for (const char* name : {"slow_reason", "slow_x", "slow_y", "slow_di", "slow_ultrasonic_id"}) {
     CHECK(field_at(find_field(name)).condition == "slowed");
   }
+}
+
+TEST_CASE("the SQL of a log is what the table of columns prints") {
+  test::check_golden("schema/schema.sql", store::schema_sql());
 }
 
 TEST_CASE("the field reference is what the table prints") { test::check_golden("schema/FIELDS.md", fields_markdown()); }

@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# Measures: `tests/bench/run.sh [FILTER]` prints one JSON object per figure. FILTER: store, odometry, battery, alarms, blockage.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+case "${1:-}" in
+  "" | store | odometry | battery | alarms | blockage) ;;
+  *) echo "usage: tests/bench/run.sh [store|odometry|battery|alarms|blockage]" >&2; exit 2 ;;
+esac
+cmake --preset release >/dev/null
+cmake --build --preset release --target store_bench analysis_bench >/dev/null
+bench=build/release/tests/bench
+[ -n "${1:-}" ] && [ "$1" != store ] || "$bench/store_bench"
+[ "${1:-}" = store ] || "$bench/analysis_bench" "${1:-}"
