@@ -32,6 +32,7 @@ void QuantumFinder::add(double value) {
   }
   last_ = value;
   largest_ = std::max(largest_, std::abs(value));
+  smallest_ = std::min(smallest_, std::abs(value));
   ++changes_;
   for (std::size_t i = 0; i < kCandidates; ++i) {
     const double units = value / candidates()[i];
@@ -64,8 +65,8 @@ std::string QuantumFinder::kind() const {
   if (std::frexp(*q, &exponent) != 0.5 || *q == 1.0) {
     return "decimal number";
   }
-  const double step = float32_step(largest_);
-  return *q == step || *q == step / 2.0 ? "float32" : "binary fraction";
+  // The step of float32 grows with the value: the quantum is that of the smallest values, or of 99.9 % of them.
+  return *q >= float32_step(smallest_) && *q <= float32_step(largest_) ? "float32" : "binary fraction";
 }
 
 std::string_view counter_event_name(CounterEvent::What what) {

@@ -37,6 +37,7 @@ class QuantumFinder {
   std::uint64_t changes_ = 0;
   double last_ = kNone;
   double largest_ = 0.0;
+  double smallest_ = std::numeric_limits<double>::infinity();
 };
 
 struct CounterEvent {

@@ -31,11 +31,13 @@ constexpr std::array<ComparedText, kComparedCount> kCompared{{{"odo", "m"},
                                                               {"station", ""},
                                                               {"alarms", ""}}};
 
-constexpr double kLoosest_m = 0.25;
+constexpr double kLoosest = 0.25;             // m and rad
 constexpr double kPoseFloor = 0.01;           // m and rad
 constexpr Micros kLate_us = 30'000'000;       // a row may arrive so long after its time
 constexpr Micros kForget_us = 7'200'000'000;  // registers without any JSON row beside them
 constexpr std::size_t kMostLags = 400'000;
+
+double planar_speed(const RawRow& row) { return std::hypot(row.vx, std::isfinite(row.vy) ? row.vy : 0.0); }
 
 double mix(double a, double b, double f) { return a + f * (b - a); }
 
@@ -121,17 +123,24 @@ void CrossFold::count_pose(Compared what, Micros t_us, double difference, double
   }
 }
 
+double CrossFold::path_doubt(const Pair& p, double accel, double change) {
+  const double mixed = p.f * (1.0 - p.f) * p.dt;
+  return std::max(0.5 * accel * mixed * p.dt, std::isfinite(change) ? change * mixed : 0.0);
+}
+
 void CrossFold::compare_motion(const Pair& p) {
   const RawRow& a = p.a.row.base;
   const RawRow& b = p.b.row.base;
   const RawRow& m = p.m.base;
-  const double speed = std::max(std::hypot(a.vx, a.vy + 0.0), std::hypot(b.vx, b.vy + 0.0));
+  const double speed = std::max(planar_speed(a), planar_speed(b));
   const double turn = std::max(std::abs(a.w), std::abs(b.w));
-  const double arc = 0.5 * p.f * (1.0 - p.f) * p.dt * p.dt;
   const bool still = speed < config_.still_mps && turn < config_.still_radps && a.odo == b.odo;
-  const double i = still ? 0.0 : p.b.accel * arc;
-  const double iw = still ? 0.0 : p.b.turn_accel * arc;
-  if (i > kLoosest_m) {
+  const bool drives_seen = p.b.accel * p.dt < 0.9 * p.b.fastest;
+  const bool turns_seen = p.b.turn_accel * p.dt < 0.9 * p.b.fastest_turn;
+  const double dv = std::abs(planar_speed(b) - planar_speed(a));
+  const double i = still ? 0.0 : path_doubt(p, p.b.accel, drives_seen ? dv : p.b.fastest);
+  const double iw = path_doubt(p, p.b.turn_accel, turns_seen ? std::abs(b.w - a.w) : p.b.fastest_turn);
+  if (i > kLoosest) {
     return;
   }
   const auto counter = [&](Compared what, double from, double to, double reg) {
@@ -147,16 +156,18 @@ void CrossFold::compare_motion(const Pair& p) {
   const double w = std::isfinite(turn) ? turn : 0.0;
   count_pose(Compared::x, m.t_us, std::abs(m.x - pose.x), 0.5 * float32_step(m.x) + 5e-5 + v * p.u + i);
   count_pose(Compared::y, m.t_us, std::abs(m.y - pose.y), 0.5 * float32_step(m.y) + 5e-5 + v * p.u + i);
-  count_pose(Compared::angle, m.t_us, std::abs(wrap_pi(m.angle - pose.angle)), 1e-4 + w * p.u + iw);
+  if (iw <= kLoosest) {
+    count_pose(Compared::angle, m.t_us, std::abs(wrap_pi(m.angle - pose.angle)), 1e-4 + w * p.u + iw);
+  }
   const auto rate = [&](Compared what, double from, double to, double reg, double bound) {
     count(what, m.t_us, std::abs(reg - mix(from, to, p.f)),
           0.5 * float32_step(reg) + 5e-5 + bound * p.u + speed_doubt(from, to, bound, p.f, p.dt));
   };
-  if (p.b.accel * p.dt < 0.9 * p.b.fastest) {
+  if (drives_seen) {
     rate(Compared::vx, a.vx, b.vx, m.vx, p.b.accel);
     rate(Compared::vy, a.vy, b.vy, m.vy, p.b.accel);
   }
-  if (p.b.turn_accel * p.dt < 0.9 * p.b.fastest_turn) {
+  if (turns_seen) {
     rate(Compared::w, a.w, b.w, m.w, p.b.turn_accel);
   }
 }

@@ -5,11 +5,12 @@
 //   x, y            ulp32/2 + 5e-5 + v (u_J + u_M) + i + noise      angle  1e-4 + w (u_J + u_M) + i_w + noise, mod 2 pi
 //   vx, vy, w       ulp32/2 + 5e-5 + a (u_J + u_M) + s              SoC    1 % (integer percent and JSON rounding)
 //   total_time      ulp32(hours) 1800 s + 0.001 s + u_J + u_M
-// i = a f (1-f) dt^2 / 2 and s = what interpolation between two polls can miss with |dv/dt| <= a (99.9 percentile so
-// far, at least the floor); noise = max(10 mm, 6 sqrt2 sigma_p), max(10 mrad, 6 sqrt2 sigma_theta): two estimates of
-// one pose. A pair that says nothing is not used: counters and poses where i exceeds 0.25 m, speeds where a dt reaches
-// the fastest speed so far (what happens between two polls is not resolved). States (localisation, task, block reason)
-// go through maps of their codes, must be the same at both ends of the JSON interval, and may lag by one poll. Station:
+// i = max(a dt / 2, |dv|) f (1-f) dt and s = what interpolation between two polls can miss with |dv/dt| <= a (99.9
+// percentile so far, at least the floor) and for a speed that changes anyhow between its ends; noise = max(10 mm,
+// 6 sqrt2 sigma_p), max(10 mrad, 6 sqrt2 sigma_theta): two estimates of one pose. Where a dt reaches the fastest speed
+// so far, what happens between two polls is not resolved: the fastest speed replaces |dv|, and speeds are not compared.
+// A pair that says nothing is not used: i above 0.25 m or 0.25 rad. States (localisation, task, block reason) go
+// through maps of their codes, must be the same at both ends of the JSON interval, and may lag by one poll. Station:
 // "JSON empty, register set" is right (0.30 m against 0.50 m). Alarms: first codes of the registers must be in JSON
 // within one poll on both sides.
 //
@@ -128,6 +129,8 @@ class CrossFold {
   void advance();
   void compare_interval(std::size_t k);
   void compare(const Pair& pair);
+  /// What interpolating a counter or an angle can miss: |rate of change| <= accel, and a rate that moves by `change`.
+  static double path_doubt(const Pair& pair, double accel, double change);
   void compare_motion(const Pair& pair);
   void compare_states(const Pair& pair, std::size_t k);
   void count(Compared what, Micros t_us, double difference, double tolerance);

@@ -127,7 +127,8 @@ class Finder {
   }
 
   [[nodiscard]] double turn_doubt(const Row& a, const Row& b, const Interval& i) const {
-    const double bound = accelerations_.radians(a, b, i);
+    const double change = std::abs(static_cast<double>(b.w) - static_cast<double>(a.w));
+    const double bound = std::max(accelerations_.radians(a, b, i), 0.5 * change * i.dt_s);
     if (accelerations_.resolves_turning(i.dt_s) || !may_pivot(a, b, i)) {
       return bound;
     }
@@ -136,10 +137,8 @@ class Finder {
   }
 
   [[nodiscard]] double drive_doubt(const Row& a, const Row& b, const Interval& i, double bound_rad) const {
-    double bound = accelerations_.metres(a, b, i);
-    if (!accelerations_.resolves_driving(i.dt_s)) {
-      bound = std::max(bound, 0.5 * std::abs(b.speed() - a.speed()) * i.dt_s);
-    }
+    const double change = std::abs(b.speed() - a.speed());
+    const double bound = std::max(accelerations_.metres(a, b, i), 0.5 * change * i.dt_s);
     // First driving, then turning, or the other way round: neither is the arc of the mean twist.
     const double turned = may_pivot(a, b, i) ? std::abs(i.twist.w) * i.dt_s : 0.0;
     return bound + 0.5 * i.metres * (bound_rad + turned);
@@ -159,13 +158,19 @@ class Finder {
   }
 };
 
-/// The same error twice in a row: e.g. wheels that spin for two seconds.
-bool same_direction(const Step& a, const Step& b) {
-  const bool moved =
-      std::hypot(a.dx, a.dy) > a.allowed_m && std::hypot(b.dx, b.dy) > b.allowed_m && a.dx * b.dx + a.dy * b.dy > 0.0;
-  const bool turned =
-      std::abs(a.dangle) > a.allowed_rad && std::abs(b.dangle) > b.allowed_rad && a.dangle * b.dangle > 0.0;
-  return a.off && b.off && a.joined && b.joined && (moved || turned);
+/// Whether the error goes on in a neighbouring interval, e.g. wheels that spin for two seconds: the neighbour shares at
+/// least 40 % of it and more than half of what it may be off by itself.
+bool goes_on(const Step& step, const Step& neighbour) {
+  if (!step.off || !neighbour.judged || !step.joined || !neighbour.joined) {
+    return false;
+  }
+  const double metres = std::hypot(step.dx, step.dy);
+  const double along = metres > 0.0 ? (step.dx * neighbour.dx + step.dy * neighbour.dy) / metres : 0.0;
+  const double turn = step.dangle < 0.0 ? -neighbour.dangle : neighbour.dangle;
+  const bool moved = metres > step.allowed_m && along >= std::max(0.4 * metres, 0.5 * neighbour.allowed_m);
+  const bool turned = std::abs(step.dangle) > step.allowed_rad &&
+                      turn >= std::max(0.4 * std::abs(step.dangle), 0.5 * neighbour.allowed_rad);
+  return moved || turned;
 }
 
 }  // namespace
@@ -201,7 +206,7 @@ JumpResult find_jumps(const Track& track, const Accelerations& accelerations, co
   Step before;
   Step current;
   const auto settle = [&](const Step& after) {
-    if (current.off && (same_direction(before, current) || same_direction(current, after))) {
+    if (current.off && (goes_on(current, before) || goes_on(current, after))) {
       ++r.sustained;
     } else if (current.off) {
       r.jumps.push_back(finder.describe(current));

@@ -1,13 +1,16 @@
 #pragma once
 // A9: localisation jumps. For consecutive poses e = predicted^-1 * observed, predicted = pose * Exp(mean twist dt):
 // a jump if |e_t| > max(0.10 m, 6 sigma_e + b_k) or |e_theta| > max(3 deg, 6 sqrt2 sigma_theta + b_theta), with
-// sigma_e^2 = 2 sigma_p^2 + (I sigma_theta)^2 and b_k, b_theta the integration bounds of the interval. Noise and bound
-// are added: a robot that attains the bound, e.g. by a peak of speed between two polls, still has its noise; with the
-// larger of the two a day at 1 Hz gave false jumps. b_k includes I b_theta / 2. Where there was time to stop and turn
-// on the spot between two polls (v0 + v1 <= 1.1 a dt), b_k includes I |phi| / 2 too (first driven, then turned), and
-// b_theta is what the fastest turn could do unseen if polling does not resolve how fast the robot turns. Where it does
-// not resolve how fast it drives, b_k is at least |dv| dt / 2. Not a jump when a neighbouring interval is off as well,
-// in the same direction: that is slip. Across a hole (gap, restart, lost localisation) only a robot whose counter did
+// sigma_e^2 = 2 sigma_p^2 + (I sigma_theta)^2. Noise and bound are added: a robot that attains the bound, e.g. by a
+// peak of speed between two polls, still has its noise; with the larger of the two a day at 1 Hz gave false jumps.
+//
+// b_k, b_theta: the integration bounds, but at least |dv| dt / 2 and |dw| dt / 2 (any monotone change: a robot that
+// brakes harder than ever before), and b_k with I b_theta / 2. Where there was time to stop and turn on the spot
+// between two polls (v0 + v1 <= 1.1 a dt), b_k includes I |phi| / 2 too (first driven, then turned), and b_theta is
+// what the fastest turn could do unseen if polling does not resolve how fast the robot turns.
+//
+// Not a jump when the error goes on in a neighbouring interval (40 % of it, and more than half of what the neighbour
+// may be off by itself): that is slip. Across a hole (gap, restart, lost localisation) only a robot whose counter did
 // not move can be judged. Cause, in order: map, localisation, method, confidence, gap ("cannot tell"), unexplained.
 
 #include "analyzer/analyses/odometry_speed.hpp"

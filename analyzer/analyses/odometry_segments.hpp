@@ -95,6 +95,8 @@ struct Prepared {
   Cut cut = Cut::start;  ///< meaningful when not joined
 };
 
+static_assert(sizeof(Row) <= 64);
+
 /// Applies the rules row by row.
 class Preparation {
  public:

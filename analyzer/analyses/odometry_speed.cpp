@@ -101,7 +101,6 @@ double Accelerations::radians(const Row& a, const Row& b, const Interval& interv
 Accelerations measure_accelerations(const Track& track, const Config& config) {
   std::vector<double> linear;
   std::vector<double> angular;
-  std::vector<double> speeds;
   std::vector<double> turns;
   const std::vector<Row>& rows = track.rows();
   for (std::size_t k = 1; k < rows.size(); ++k) {
@@ -110,7 +109,6 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
       continue;
     }
     linear.push_back(std::abs(rows[k].speed() - rows[k - 1].speed()) / i.dt_s);
-    speeds.push_back(rows[k].speed());
     turns.push_back(std::abs(static_cast<double>(rows[k].w)));
     angular.push_back(std::abs(static_cast<double>(rows[k].w) - static_cast<double>(rows[k - 1].w)) / i.dt_s);
   }
@@ -121,7 +119,6 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
   if (!linear.empty()) {
     result.linear = std::max(result.linear, quantile(linear, 0.999));
     result.angular = std::max(result.angular, quantile(angular, 0.999));
-    result.fastest = quantile(speeds, 0.999);
     result.fastest_turn = quantile(turns, 0.999);
   }
   result.raised = static_cast<std::uint64_t>(

@@ -3,10 +3,10 @@
 //
 // Integration bound of one interval, |dv/dt| <= a: |int v - trapezoid| <= b = (a^2 dt^2 - dv^2) / (4 a). a is the 99.9
 // percentile of |dv|/dt while moving, at least accel_floor; where |dv| > a dt, a is raised to |dv|/dt for that interval
-// (then b = 0) and the interval counted. The same for the turning rate. Where a dt reaches the fastest drive or turn
-// (99.9 percentiles of |v| and |w|), polling does not resolve a: a change may be over long before the next poll; then b
-// of the turning rate is at least |dw| dt / 2, the error of any monotone change. Hard bound B = sum b, statistical
-// sigma_I^2 = sum b^2 / 3. While the robot stands (zero twist at both ends, counter unchanged) nothing is integrated.
+// (then b = 0) and the interval counted. The same for the turning rate. Where a dt reaches the fastest turn (99.9
+// percentile of |w|), polling does not resolve a: a change may be over long before the next poll; then b of the turning
+// rate is at least |dw| dt / 2, the error of any monotone change. Hard bound B = sum b, statistical sigma_I^2 =
+// sum b^2 / 3. While the robot stands (zero twist at both ends, counter unchanged) nothing is integrated.
 //
 // A4: counter growth = a int|v| + b int|w| [|v| < 0.02] over windows of at least 5 s that end while the robot does not
 // turn (at most 10 s), by least squares; limits by moving-block bootstrap. b = 0: the centre's path. b = half the
@@ -29,15 +29,13 @@ namespace tacho::odometry {
 struct Accelerations {
   double linear = 0;        ///< m/s^2
   double angular = 0;       ///< rad/s^2
-  double fastest = 0;       ///< m/s
   double fastest_turn = 0;  ///< rad/s
   std::uint64_t moving_intervals = 0;
   std::uint64_t raised = 0;  ///< intervals above the linear bound
   /// b of the interval from a to b.
   [[nodiscard]] double metres(const Row& a, const Row& b, const Interval& interval) const;
   [[nodiscard]] double radians(const Row& a, const Row& b, const Interval& interval) const;
-  /// Whether polling with this period shows how fast the robot gains speed, and turning speed.
-  [[nodiscard]] bool resolves_driving(double dt_s) const { return linear * dt_s < 0.9 * fastest; }
+  /// Whether polling with this period shows how fast the robot gains turning speed.
   [[nodiscard]] bool resolves_turning(double dt_s) const { return angular * dt_s < 0.9 * fastest_turn; }
 };
 Accelerations measure_accelerations(const Track& track, const Config& config);

@@ -236,3 +236,15 @@ TEST_CASE("a gap cuts the track and no metre of it is integrated") {
   CHECK(holds(quantity(s, "scales", "g"), 1.0));
   CHECK(number(s, "scales", "speed_m") < number(s, "counter", "counted_m"));
 }
+
+TEST_CASE("an error that goes on from poll to poll is slip, not a jump") {
+  PaperLog log = status_log(
+      robot_of(1.0), [](PaperAnswer& a) { a.x += 0.3 * std::clamp(a.t_s - 1800.0, 0.0, 2.7); }, 0.5);
+  const Section s = run_odometry(log);
+  CHECK(table(s, "jumps").rows.empty());
+  CHECK(finding(s, "LOC-02").verdict == Verdict::pass);
+  const auto said = [](const std::string& note) { return note.find(" 0 off together") == std::string::npos; };
+  CHECK(std::any_of(s.notes.begin(), s.notes.end(), [&](const std::string& note) {
+    return note.find("looked at") != std::string::npos && said(note);
+  }));
+}
