@@ -90,7 +90,10 @@ class Program {
         ->check(CLI::IsMember({"warn", "fail"}));
   }
 
-  int print(const Section& section, const Job& job) { return emit(section, job.origin(), options_); }
+  int print(const Section& section, const Job& job) {
+    tell_problems(*job.log);
+    return emit(section, job.origin(), options_);
+  }
 
   void add_info() {
     CLI::App* sub = command("info", "What the log holds, and what is missing", [this] {
@@ -143,6 +146,7 @@ class Program {
       } else {
         export_rows(job, extra_.exports);
       }
+      tell_problems(*job.log);
       return kExitOk;
     });
     log_options(sub);

@@ -68,7 +68,7 @@ void Poller::serve(Lane& lane, Micros now_us) {
     if (outage_) {
       miss(lane, late, outage_->cause, outage_->detail);
     } else {
-      miss(lane, late, Cause::overrun, "earlier polls on this connection took too long");
+      miss(lane, late, Cause::overrun, "earlier polls on this connection took too long, or this host slept");
     }
   }
   poll(lane);

@@ -1,0 +1,159 @@
+PRAGMA application_id = 1413563208;  -- "TACH"
+PRAGMA user_version = 1;
+
+-- this file: one row
+CREATE TABLE part (
+  log TEXT NOT NULL,                       -- identity of the log, the same in all its parts
+  number INTEGER NOT NULL,                 -- number of this part, from 1; order of parts
+  software TEXT NOT NULL,                  -- what created the part
+  closed INTEGER NOT NULL,                 -- 1: complete and checkpointed
+  counted_to INTEGER NOT NULL              -- hot.id up to which the coverage rows count
+) STRICT;
+
+-- robots, as configured and as they say they are
+CREATE TABLE robot (
+  id INTEGER PRIMARY KEY,                  -- the same in all parts
+  name TEXT NOT NULL UNIQUE,               -- the user's name for it
+  address TEXT NOT NULL,                   -- where it was found: host:status_port:modbus_port
+  vehicle_id TEXT NOT NULL,                -- as the robot says; empty until known
+  mac TEXT NOT NULL,                       -- as the robot says; empty until known
+  model_md5 TEXT NOT NULL,                 -- as the robot says; empty until known
+  firmware TEXT NOT NULL                   -- input registers 37-40; empty until known
+) STRICT;
+
+-- starts of the recorder that wrote into this part
+CREATE TABLE session (
+  id INTEGER PRIMARY KEY,                  -- number of the recorder start, the same in all parts
+  t_start_us INTEGER NOT NULL,             -- UTC microseconds
+  t_end_us INTEGER,                        -- UTC microseconds; NULL while running
+  clean INTEGER NOT NULL,                  -- 1: ended as asked, 0: running or killed
+  software TEXT NOT NULL,                  -- name and version of the recorder
+  config TEXT NOT NULL,                    -- configuration text, verbatim
+  host TEXT NOT NULL                       -- host name and zone offset
+) STRICT;
+
+-- one source of one robot in one session
+CREATE TABLE stream (
+  session INTEGER NOT NULL,                -- session.id
+  robot INTEGER NOT NULL,                  -- robot.id
+  source TEXT NOT NULL,                    -- code list source
+  period_us INTEGER NOT NULL,              -- planned period
+  word_order TEXT NOT NULL,                -- order of 16-bit words and bytes in 32-bit registers
+  request TEXT NOT NULL,                   -- request body, or register ranges
+  seq_from INTEGER NOT NULL,               -- first poll number that belongs to this part
+  planned INTEGER,                         -- polls the schedule asked for since the session began; NULL until it ended
+  PRIMARY KEY (session, robot, source)
+) STRICT, WITHOUT ROWID;
+
+-- every field the decoder knows; names are the identity of a column
+CREATE TABLE field (
+  id INTEGER PRIMARY KEY,                  -- row of the field table; bit in coverage.seen
+  name TEXT NOT NULL,                      -- canonical name
+  kind TEXT NOT NULL,                      -- code list kind
+  unit TEXT NOT NULL,                      -- SI unit
+  json_key TEXT NOT NULL,                  -- key in the 11100 or 11013 answer; empty: not in JSON
+  json_scale REAL NOT NULL,                -- JSON number times this = SI value
+  former_key TEXT NOT NULL,                -- spelling of older firmware
+  register INTEGER NOT NULL,               -- documented address; 0: in no register
+  register_type TEXT NOT NULL,             -- code list register_type
+  register_scale REAL NOT NULL,            -- register value times this = SI value
+  discrete INTEGER NOT NULL,               -- 1: discrete input [1x], 0: input register [3x]
+  condition TEXT NOT NULL,                 -- name of a flag; while it is false the field means nothing
+  code_list TEXT NOT NULL,                 -- code.list
+  sentinel TEXT NOT NULL,                  -- code list sentinel: the value that means not supplied
+  retired INTEGER NOT NULL,                -- 1: struck out in the vendor's document
+  meaning TEXT NOT NULL                    -- one clause
+) STRICT;
+
+-- numbers and their names: code lists of fields, and the lists of this schema
+CREATE TABLE code (
+  list TEXT NOT NULL,                      -- name of the list
+  value INTEGER NOT NULL,                  -- the number
+  name TEXT NOT NULL,                      -- its name
+  meaning TEXT NOT NULL,                   -- one clause
+  PRIMARY KEY (list, value)
+) STRICT, WITHOUT ROWID;
+
+-- what this part holds of each stream, counted up to part.counted_to
+CREATE TABLE coverage (
+  session INTEGER NOT NULL,                -- session.id
+  robot INTEGER NOT NULL,                  -- robot.id
+  source TEXT NOT NULL,                    -- code list source
+  stored INTEGER NOT NULL,                 -- answers in this part; 0: only last_us means something
+  bytes INTEGER NOT NULL,                  -- sum of their lengths as received
+  undecodable INTEGER NOT NULL,            -- answers that are stored but could not be decoded
+  first_us INTEGER NOT NULL,               -- smallest send time, UTC microseconds
+  last_us INTEGER NOT NULL,                -- largest send time, also of earlier parts when stored is 0
+  next_seq INTEGER NOT NULL,               -- number after the last stored poll; 0: none stored
+  seen BLOB NOT NULL,                      -- bit field.id (lowest first): the field was ever not absent
+  PRIMARY KEY (session, robot, source)
+) STRICT, WITHOUT ROWID;
+
+-- keys of answers that no field names
+CREATE TABLE unknown_key (
+  robot INTEGER NOT NULL,                  -- robot.id
+  source TEXT NOT NULL,                    -- code list source
+  key TEXT NOT NULL,                       -- path of the key
+  first_us INTEGER NOT NULL,               -- first answer of this part that had it, UTC microseconds
+  PRIMARY KEY (robot, source, key)
+) STRICT, WITHOUT ROWID;
+
+-- stored answers in order of arrival; bodies are compressed against the row before
+CREATE TABLE hot (
+  id INTEGER PRIMARY KEY,                  -- order of arrival
+  robot INTEGER NOT NULL,                  -- robot.id
+  source INTEGER NOT NULL,                 -- code list source
+  session INTEGER NOT NULL,                -- session.id
+  seq INTEGER NOT NULL,                    -- number of the planned poll in its stream, from 0
+  t_send_us INTEGER NOT NULL,              -- request handed to the kernel, UTC microseconds
+  rtt_us INTEGER NOT NULL,                 -- until the last byte of the answer
+  base INTEGER,                            -- hot.id of the row this body is compressed against; NULL: a keyframe
+  length INTEGER NOT NULL,                 -- bytes of the body as received
+  crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
+  header BLOB,                             -- frame header where it is unusual
+  body BLOB NOT NULL                       -- method byte and data, see hot_codec.hpp
+) STRICT;
+
+-- planned polls without an answer
+CREATE TABLE gap (
+  id INTEGER PRIMARY KEY,                  -- order of arrival
+  robot INTEGER NOT NULL,                  -- robot.id
+  source TEXT NOT NULL,                    -- code list source
+  session INTEGER NOT NULL,                -- session.id
+  seq_from INTEGER NOT NULL,               -- first poll concerned
+  seq_count INTEGER NOT NULL,              -- polls concerned
+  t_from_us INTEGER NOT NULL,              -- UTC microseconds
+  t_to_us INTEGER NOT NULL,                -- UTC microseconds
+  cause TEXT NOT NULL,                     -- code list cause
+  partial INTEGER NOT NULL,                -- 1: the polls are stored, but some register ranges are not
+  detail TEXT NOT NULL,                    -- words of the system or the robot
+  crc INTEGER NOT NULL                     -- CRC-32C of the other columns but id
+) STRICT;
+
+-- what happened, seen while recording
+CREATE TABLE event (
+  id INTEGER PRIMARY KEY,                  -- order of arrival
+  robot INTEGER NOT NULL,                  -- robot.id
+  source TEXT NOT NULL,                    -- code list source
+  session INTEGER NOT NULL,                -- session.id
+  kind TEXT NOT NULL,                      -- code list event
+  seq INTEGER NOT NULL,                    -- poll it was seen in
+  t_from_us INTEGER NOT NULL,              -- it happened after this, UTC microseconds
+  t_us INTEGER NOT NULL,                   -- and not later than this
+  subject TEXT NOT NULL,                   -- what it is about
+  old_value TEXT NOT NULL,                 -- before; empty when unknown
+  new_value TEXT NOT NULL,                 -- after
+  detail TEXT NOT NULL,                    -- the robot's own words
+  crc INTEGER NOT NULL                     -- CRC-32C of the other columns but id
+) STRICT;
+
+-- host wall clock, host monotonic clock and robot clock at one instant
+CREATE TABLE clock (
+  id INTEGER PRIMARY KEY,                  -- order of arrival
+  robot INTEGER NOT NULL,                  -- robot.id; 0: host clocks only
+  session INTEGER NOT NULL,                -- session.id
+  wall_us INTEGER NOT NULL,                -- host wall clock, UTC microseconds
+  mono_us INTEGER NOT NULL,                -- host monotonic clock, microseconds
+  robot_us INTEGER,                        -- robot clock, UTC microseconds
+  crc INTEGER NOT NULL                     -- CRC-32C of the other columns but id
+) STRICT;

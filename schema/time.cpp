@@ -241,6 +241,7 @@ std::string duration_text(Micros us) {
 }
 
 Micros wall_now_us() { return clock_us(CLOCK_REALTIME); }
-Micros mono_now_us() { return clock_us(CLOCK_MONOTONIC); }
+// Goes on while the host sleeps, so that a night with the lid closed is missed polls and not a clock that was set.
+Micros mono_now_us() { return clock_us(CLOCK_BOOTTIME); }
 
 }  // namespace tacho

@@ -96,6 +96,9 @@ Finding counter_finding(const RobotFold& fold) {
   }
 }
 
+/// Nothing found in less time than it takes to find anything says nothing.
+bool too_short(const RobotFold& fold) { return fold.usage.observed_s <= fold.config.failed_s; }
+
 Finding deep_finding(const RobotFold& fold) {
   const Config& c = fold.config;
   Builder b(fold, "BAT-04", "Deep discharge");
@@ -113,6 +116,9 @@ Finding deep_finding(const RobotFold& fold) {
     b.evidence(s.from_us, s.to_us, Item::level,
                fmt::format("below {:.0f} % for {}", (deep ? c.deep_soc : c.low_soc) * 100,
                            duration_text(s.to_us - s.from_us)));
+  }
+  if (!low && too_short(fold)) {
+    return b.unknown("the log is too short to tell", "record for longer");
   }
   if (!low) {
     return b.decide(Verdict::pass, 0, lowest, "");
@@ -143,6 +149,9 @@ Finding failed_finding(const RobotFold& fold) {
   }
   Quantity count = known(static_cast<double>(failed.size()), "");
   count.n = static_cast<std::int64_t>(fold.charges().all().size() + fold.charges().idle_contacts().size());
+  if (failed.empty() && too_short(fold)) {
+    return b.unknown("the log is too short to tell", "record for longer");
+  }
   if (failed.empty()) {
     return b.decide(Verdict::pass, 0, count, "");
   }
@@ -177,6 +186,9 @@ Finding temperature_finding(const RobotFold& fold) {
     return b.decide(Verdict::warn, 4, value,
                     cold_only ? "do not charge a frozen battery; check the maker's limit for charging in the cold"
                               : "compare with the maker's limits; high temperature shortens the battery's life");
+  }
+  if (too_short(fold)) {
+    return b.unknown("the log is too short to tell", "record for longer");
   }
   return b.decide(Verdict::pass, 0, value, "");
 }

@@ -205,6 +205,14 @@ int emit(const Section& section, const report::Origin& origin, const Options& op
   return exit_code(section.findings, options.fail_on);
 }
 
+std::size_t tell_problems(const RowSource& log) {
+  const std::vector<ReadProblem> problems = log.problems();
+  for (const ReadProblem& problem : problems) {
+    std::fprintf(stderr, "tacho-analyzer: warning: %s: %s\n", problem.where.c_str(), problem.what.c_str());
+  }
+  return problems.size();
+}
+
 int exit_code(const std::vector<Finding>& findings, const std::string& fail_on) {
   const bool reached = std::any_of(findings.begin(), findings.end(), [&](const Finding& f) {
     return (fail_on == "fail" && f.verdict == Verdict::fail) ||

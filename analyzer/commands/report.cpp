@@ -52,6 +52,10 @@ int report_all(Job& job) {
     sections = run_analyses(analyses(), *job.log, job.robot_ids(), job.window, job.options.zone, job.settings);
   }
   sections.insert(sections.begin(), info(*job.log, job.robots, job.reader));
+  if (!job.options.from.empty() || !job.options.to.empty()) {
+    sections.front().notes.push_back("This section is about the whole log, not about the period asked for.");
+  }
+  tell_problems(*job.log);
   report::Manifest manifest = manifest_of(job);
   const std::string summary = report::summary_text(sections, manifest.origin);
   report::write_report(job.options.output, sections, std::move(manifest));

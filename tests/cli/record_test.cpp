@@ -59,12 +59,17 @@ void check_every_poll_is_accounted_for(RowSource& log) {
     INFO("robot " << stream.robot << " " << source_name(stream.source));
     REQUIRE(stream.planned);
     std::vector<int> seen(static_cast<std::size_t>(*stream.planned), 0);
-    log.read_raw(stream.robot, stream.source, {}, [&](const Answer& a) { ++seen.at(a.meta.seq); });
+    log.read_raw(stream.robot, stream.source, {}, [&](const Answer& a) {
+      if (a.meta.session == stream.session) {
+        ++seen.at(a.meta.seq);
+      }
+    });
     Selection selection;
     selection.rows[static_cast<std::size_t>(stream.source)] = true;
     log.read(stream.robot, {}, selection, [&](const Slice& slice) {
       for (const Gap& gap : slice.gaps) {
-        for (std::uint64_t k = 0; gap.source == stream.source && !gap.partial && k < gap.seq_count; ++k) {
+        const bool mine = gap.source == stream.source && gap.session == stream.session && !gap.partial;
+        for (std::uint64_t k = 0; mine && k < gap.seq_count; ++k) {
           ++seen.at(gap.seq_from + k);
         }
       }
