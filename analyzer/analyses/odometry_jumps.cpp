@@ -24,6 +24,7 @@ constexpr std::array<CauseText, kJumpCauseCount> kCauses{{
 }};
 
 constexpr Micros kNear_us = 2'000'000;
+constexpr double kTurning_radps = 0.02;
 
 /// What one pair of consecutive poses says.
 struct Step {
@@ -123,17 +124,23 @@ class Finder {
 
   /// Whether there was time to stop and turn on the spot between two polls.
   [[nodiscard]] bool may_pivot(const Row& a, const Row& b, const Interval& i) const {
-    return !b.all(kStood) && a.speed() + b.speed() <= 1.1 * accelerations_.linear * i.dt_s + config_.pivot_mps;
+    const double hardest = std::max(accelerations_.hardest, accelerations_.linear);
+    return !b.all(kStood) && a.speed() + b.speed() <= 1.1 * hardest * i.dt_s + config_.pivot_mps;
   }
 
   [[nodiscard]] double turn_doubt(const Row& a, const Row& b, const Interval& i) const {
     const double change = std::abs(static_cast<double>(b.w) - static_cast<double>(a.w));
     const double bound = std::max(accelerations_.radians(a, b, i), 0.5 * change * i.dt_s);
-    if (accelerations_.resolves_turning(i.dt_s) || !may_pivot(a, b, i)) {
+    if (accelerations_.resolves_turning(i.dt_s)) {
       return bound;
     }
-    const double seen = std::abs(i.twist.w) * i.dt_s;
-    return std::max({bound, seen, accelerations_.fastest_turn * i.dt_s - seen});
+    const double fastest = accelerations_.fastest_turn * i.dt_s;
+    if (may_pivot(a, b, i)) {
+      const double seen = std::abs(i.twist.w) * i.dt_s;
+      return std::max({bound, seen, fastest - seen});
+    }
+    const bool turns = std::max(std::abs(a.w), std::abs(b.w)) > static_cast<float>(kTurning_radps);
+    return turns ? std::max(bound, 0.5 * fastest) : bound;
   }
 
   [[nodiscard]] double drive_doubt(const Row& a, const Row& b, const Interval& i, double bound_rad) const {

@@ -5,9 +5,10 @@
 // peak of speed between two polls, still has its noise; with the larger of the two a day at 1 Hz gave false jumps.
 //
 // b_k, b_theta: the integration bounds, but at least |dv| dt / 2 and |dw| dt / 2 (any monotone change: a robot that
-// brakes harder than ever before), and b_k with I b_theta / 2. Where there was time to stop and turn on the spot
-// between two polls (v0 + v1 <= 1.1 a dt), b_k includes I |phi| / 2 too (first driven, then turned), and b_theta is
-// what the fastest turn could do unseen if polling does not resolve how fast the robot turns.
+// brakes harder than ever before), and b_k with I b_theta / 2. Where polling does not resolve how fast the robot turns,
+// a robot that turns at one of the polls may be off by half its fastest turn. Where there was time to stop and turn on
+// the spot between two polls (v0 + v1 <= 1.1 dt times the hardest |dv|/dt seen), b_theta is what the fastest turn could
+// do unseen, and b_k includes I |phi| / 2 (first driven, then turned).
 //
 // Not a jump when the error goes on in a neighbouring interval (40 % of it, and more than half of what the neighbour
 // may be off by itself): that is slip. Across a hole (gap, restart, lost localisation) only a robot whose counter did

@@ -119,6 +119,7 @@ Accelerations measure_accelerations(const Track& track, const Config& config) {
   if (!linear.empty()) {
     result.linear = std::max(result.linear, quantile(linear, 0.999));
     result.angular = std::max(result.angular, quantile(angular, 0.999));
+    result.hardest = *std::max_element(linear.begin(), linear.end());
     result.fastest_turn = quantile(turns, 0.999);
   }
   result.raised = static_cast<std::uint64_t>(

@@ -29,6 +29,7 @@ namespace tacho::odometry {
 struct Accelerations {
   double linear = 0;        ///< m/s^2
   double angular = 0;       ///< rad/s^2
+  double hardest = 0;       ///< m/s^2, largest |dv|/dt of all
   double fastest_turn = 0;  ///< rad/s
   std::uint64_t moving_intervals = 0;
   std::uint64_t raised = 0;  ///< intervals above the linear bound
