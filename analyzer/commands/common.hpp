@@ -59,7 +59,8 @@ struct Job {
 /// Throws UsageError (unknown robot with "did you mean", times, zone) or Error (log, configuration).
 Job open_job(const Options& options);
 
-/// Names on standard error what was damaged or foreign in what has been read so far; returns how many. For after reading.
+/// Names on standard error what was damaged or foreign in what has been read so far; returns how many. For after
+/// reading.
 std::size_t tell_problems(const RowSource& log);
 
 /// The time in `text`, which `what` (an option) gave. Throws UsageError.

@@ -18,9 +18,7 @@ double log_gamma(double a) {
 }
 
 /// x^a e^-x / Gamma(a)
-double prefix(double a, double x) {
-  return std::exp(a * std::log(x) - x - log_gamma(a));
-}
+double prefix(double a, double x) { return std::exp(a * std::log(x) - x - log_gamma(a)); }
 
 /// A&S 6.5.29, good for x < a + 1.
 double p_series(double a, double x) {
@@ -113,9 +111,7 @@ double gamma_p_inverse(double a, double p) {
   return x;
 }
 
-double chi_square_quantile(double p, double dof) {
-  return 2.0 * gamma_p_inverse(dof / 2.0, p);
-}
+double chi_square_quantile(double p, double dof) { return 2.0 * gamma_p_inverse(dof / 2.0, p); }
 
 Limits garwood(double k, double alpha) {
   assert(k >= 0.0 && alpha > 0.0 && alpha < 1.0);

@@ -9,9 +9,7 @@
 
 namespace tacho {
 
-double median(std::vector<double> values) {
-  return quantile(std::move(values), 0.5);
-}
+double median(std::vector<double> values) { return quantile(std::move(values), 0.5); }
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) {

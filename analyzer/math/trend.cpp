@@ -81,9 +81,7 @@ double MannKendall::z(double factor) const {
   return static_cast<double>(s > 0 ? s - 1 : s + 1) / std::sqrt(scaled);
 }
 
-double MannKendall::p(double factor) const {
-  return std::erfc(std::abs(z(factor)) / std::sqrt(2.0));
-}
+double MannKendall::p(double factor) const { return std::erfc(std::abs(z(factor)) / std::sqrt(2.0)); }
 
 MannKendall mann_kendall(std::span<const double> y) {
   std::vector<double> sorted(y.begin(), y.end());

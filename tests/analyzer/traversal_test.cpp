@@ -14,9 +14,7 @@ std::vector<Part> parts_of(Point a, Point b, double cell) {
   return parts;
 }
 
-double length(Point a, Point b) {
-  return std::hypot(b.x - a.x, b.y - a.y);
-}
+double length(Point a, Point b) { return std::hypot(b.x - a.x, b.y - a.y); }
 
 }  // namespace
 

@@ -1,7 +1,7 @@
 // Speed of the analyses on logs of a simulated robot: one JSON object per line. Usage: analysis_bench [FILTER]
 //
-// The peer is the same log read with nothing computed from it, so that the cost of an analysis is told apart from the cost
-// of decoding; both are measured in turn, five times, medians are printed.
+// The peer is the same log read with nothing computed from it, so that the cost of an analysis is told apart from the
+// cost of decoding; both are measured in turn, five times, medians are printed.
 
 #include <fmt/format.h>
 #include <stdlib.h>
