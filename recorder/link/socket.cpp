@@ -74,6 +74,10 @@ int remaining_ms(Micros deadline_us) {
   return left <= 0 ? 0 : static_cast<int>(std::min<Micros>((left + 999) / 1000, 3'600'000));
 }
 
+Micros attempt_deadline(Micros now_us, Micros deadline_us, std::size_t left) {
+  return deadline_us <= now_us ? deadline_us : now_us + (deadline_us - now_us) / static_cast<Micros>(left);
+}
+
 Socket::Socket(std::string host, std::uint16_t port) : host_(std::move(host)), port_(port) {}
 
 Socket::~Socket() { close(); }
@@ -157,20 +161,29 @@ ConnectFailure Socket::try_address(const addrinfo& address, Micros deadline_us) 
 }
 
 ConnectFailure Socket::connect(Micros deadline_us) {
-  close();
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
   const int rc = ::getaddrinfo(host_.c_str(), std::to_string(port_).c_str(), &hints, &found);
   if (rc != 0) {
+    close();
     return {true, Cause::unreachable,
             fmt::format("{}: {}; is the name right, or use the robot's address", address(), gai_strerror(rc))};
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> list(found, ::freeaddrinfo);
+  return connect(list.get(), deadline_us);
+}
+
+ConnectFailure Socket::connect(const addrinfo* addresses, Micros deadline_us) {
+  close();
+  std::size_t left = 0;
+  for (const addrinfo* item = addresses; item != nullptr; item = item->ai_next) {
+    ++left;
+  }
   ConnectFailure last{true, Cause::unreachable, address() + ": no address"};
-  for (const addrinfo* item = list.get(); item != nullptr; item = item->ai_next) {
-    last = try_address(*item, deadline_us);
+  for (const addrinfo* item = addresses; item != nullptr; item = item->ai_next, --left) {
+    last = try_address(*item, attempt_deadline(mono_now_us(), deadline_us, left));
     if (!last.failed || last.cause == Cause::shutdown) {
       break;
     }

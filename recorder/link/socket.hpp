@@ -2,6 +2,7 @@
 // A TCP client socket whose connect has a deadline. libmodbus' own connect has none that can be trusted (its timeout
 // leaves errno undefined in 3.1.6), so both links connect here.
 
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -14,6 +15,10 @@ namespace tacho::recorder {
 
 /// Milliseconds from now until a monotonic deadline, rounded up, never negative: an argument for poll(2).
 int remaining_ms(Micros deadline_us);
+
+/// Deadline of the next attempt when the time until `deadline_us` is shared evenly by `left` addresses (at least 1): an
+/// address that never answers leaves the others their share, one that fails at once leaves them all of its own.
+[[nodiscard]] Micros attempt_deadline(Micros now_us, Micros deadline_us, std::size_t left);
 
 struct ConnectFailure {
   bool failed = false;
@@ -30,8 +35,11 @@ class Socket {
   Socket& operator=(const Socket&) = delete;
 
   /// Connects until `deadline_us` (monotonic). A host name is resolved again before every attempt; that lookup is the
-  /// resolver's and knows no deadline, so addresses are better than names.
+  /// resolver's and knows no deadline, so addresses are better than names. Of several addresses each gets its share of
+  /// the time: attempt_deadline().
   ConnectFailure connect(Micros deadline_us);
+  /// The same to addresses that are resolved already, in their order.
+  ConnectFailure connect(const addrinfo* addresses, Micros deadline_us);
   [[nodiscard]] bool connected() const { return fd_ >= 0; }
   [[nodiscard]] int fd() const { return fd_; }  ///< non-blocking; -1 when not connected
   /// Waits for `events` (poll(2)) until the deadline; false at the deadline.
