@@ -1,7 +1,6 @@
 #include "samples/simulator/modbus_server.hpp"
 
 #include <modbus/modbus.h>
-#include <poll.h>
 
 #include <algorithm>
 #include <array>
@@ -31,48 +30,23 @@ struct FreeMapping {
 struct ModbusServer::Protocol {
   std::unique_ptr<modbus_t, FreeContext> context{modbus_new_tcp("127.0.0.1", 502)};
   std::unique_ptr<modbus_mapping_t, FreeMapping> mapping{modbus_mapping_new(0, kInputs, 0, kRegisters)};
+
+  Protocol() {
+    if (!context || !mapping) {
+      throw Error("cannot serve Modbus", modbus_strerror(errno), "");
+    }
+    modbus_set_indication_timeout(context.get(), 1, 0);
+  }
 };
 
 ModbusServer::ModbusServer(LiveRobot& robot, Descriptor listener)
-    : robot_(robot), listener_(std::move(listener)), protocol_(std::make_unique<Protocol>()) {
-  if (!protocol_->context || !protocol_->mapping) {
-    throw Error("cannot serve Modbus", modbus_strerror(errno), "");
-  }
-  modbus_set_indication_timeout(protocol_->context.get(), 1, 0);
-  thread_ = std::jthread([this] { run(); });
-}
+    : robot_(robot),
+      protocol_(std::make_unique<Protocol>()),
+      loop_(std::move(listener), [this](const Descriptor&, std::size_t) -> ClientLoop::Serve {
+        return [this](const Descriptor& client) { return serve(client); };
+      }) {}
 
-ModbusServer::~ModbusServer() {
-  stop_.signal();
-  thread_.join();
-}
-
-void ModbusServer::run() {
-  std::vector<pollfd> fds;
-  while (true) {
-    fds.assign({{stop_.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
-    for (const Descriptor& client : clients_) {
-      fds.push_back({client.get(), POLLIN, 0});
-    }
-    if (::poll(fds.data(), fds.size(), -1) < 0 && errno != EINTR) {
-      return;
-    }
-    if (fds[0].revents != 0) {
-      return;
-    }
-    for (std::size_t i = clients_.size(); i-- > 0;) {
-      if (fds[i + 2].revents != 0 && !serve(clients_[i])) {
-        clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
-      }
-    }
-    if (fds[1].revents != 0) {
-      Descriptor client = accept_client(listener_);
-      if (client.open()) {
-        clients_.push_back(std::move(client));
-      }
-    }
-  }
-}
+ModbusServer::~ModbusServer() = default;
 
 // False when the connection is over.
 bool ModbusServer::serve(const Descriptor& client) {

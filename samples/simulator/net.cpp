@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/time.h>
@@ -75,6 +76,46 @@ Wakeup::Wakeup() : event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
 void Wakeup::signal() {
   const std::uint64_t one = 1;
   [[maybe_unused]] const ssize_t written = ::write(event_.get(), &one, sizeof one);
+}
+
+ClientLoop::ClientLoop(Descriptor listener, Welcome welcome)
+    : listener_(std::move(listener)), welcome_(std::move(welcome)), thread_([this] { run(); }) {}
+
+ClientLoop::~ClientLoop() { stop_.signal(); }
+
+void ClientLoop::run() {
+  std::vector<pollfd> fds;
+  while (true) {
+    fds.assign({{stop_.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
+    for (const Client& client : clients_) {
+      fds.push_back({client.socket.get(), POLLIN, 0});
+    }
+    if (::poll(fds.data(), fds.size(), -1) < 0 && errno != EINTR) {
+      return;
+    }
+    if (fds[0].revents != 0) {
+      return;
+    }
+    for (std::size_t i = clients_.size(); i-- > 0;) {
+      if (fds[i + 2].revents != 0 && !clients_[i].serve(clients_[i].socket)) {
+        clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+    }
+    if (fds[1].revents != 0) {
+      accept_one();
+    }
+  }
+}
+
+void ClientLoop::accept_one() {
+  Descriptor socket = accept_client(listener_);
+  if (!socket.open()) {
+    return;
+  }
+  Serve serve = welcome_(socket, clients_.size());
+  if (serve) {
+    clients_.push_back({std::move(socket), std::move(serve)});
+  }
 }
 
 }  // namespace tacho::sim

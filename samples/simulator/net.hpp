@@ -1,10 +1,14 @@
 #pragma once
-// Small helpers on TCP sockets, shared by the two servers of a robot.
+// TCP sockets, and the loop that the two servers of a robot share.
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
+#include <vector>
 
 namespace tacho::sim {
 
@@ -47,6 +51,35 @@ class Wakeup {
 
  private:
   Descriptor event_;
+};
+
+/// Accepts clients and serves them, on one thread from construction to destruction.
+class ClientLoop {
+ public:
+  /// Called when a client has sent something or has gone; false when the connection is over.
+  using Serve = std::function<bool(const Descriptor& socket)>;
+  /// Called for a new client with the number of those already there; an empty answer sends it away.
+  using Welcome = std::function<Serve(const Descriptor& socket, std::size_t clients)>;
+
+  ClientLoop(Descriptor listener, Welcome welcome);
+  ~ClientLoop();
+  ClientLoop(const ClientLoop&) = delete;
+  ClientLoop& operator=(const ClientLoop&) = delete;
+
+ private:
+  struct Client {
+    Descriptor socket;
+    Serve serve;
+  };
+
+  Descriptor listener_;
+  Welcome welcome_;
+  Wakeup stop_;
+  std::vector<Client> clients_;
+  std::jthread thread_;  // last: joined before the rest goes
+
+  void run();
+  void accept_one();
 };
 
 }  // namespace tacho::sim
