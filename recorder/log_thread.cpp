@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "schema/error.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -89,9 +90,30 @@ void LogThread::run() {
   }
 }
 
+/// One step on the log. Each poll and each row is a step of its own: the writer has to be told of every poll, also
+/// while it cannot write, to know what was lost.
+template <class Work>
+void LogThread::attempt(Work work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    if (!std::exchange(disk_fails_, true)) {
+      options_.notice(fmt::format(
+          "{}; recording goes on, and what cannot be written meanwhile becomes gaps of cause disk", error.what()));
+    }
+  }
+}
+
 void LogThread::commit() {
-  options_.planned(writer_);
-  writer_.commit();
+  const std::uint64_t commits = writer_.stats().commits;
+  attempt([this] {
+    options_.planned(writer_);
+    writer_.commit();
+  });
+  if (disk_fails_ && writer_.stats().commits > commits) {
+    disk_fails_ = false;
+    options_.notice(fmt::format("the log is written again; {} polls lost so far", writer_.stats().lost));
+  }
   const std::lock_guard lock(stats_mutex_);
   stats_ = writer_.stats();
 }
@@ -99,17 +121,17 @@ void LogThread::commit() {
 void LogThread::write(const Item& item) {
   if (const auto* stored = std::get_if<Stored>(&item)) {
     if (stored->before) {
-      ingest_.add(*stored->before);
+      attempt([&] { ingest_.add(*stored->before); });
     }
-    ingest_.append(stored->answer);
+    attempt([&] { ingest_.append(stored->answer); });
     look_for_io(stored->answer);
   } else if (const auto* gap = std::get_if<Gap>(&item)) {
-    ingest_.add(*gap);
+    attempt([&] { ingest_.add(*gap); });
   } else if (const auto* event = std::get_if<Event>(&item)) {
-    ingest_.add(*event);
+    attempt([&] { ingest_.add(*event); });
     tell(*event);
   } else if (const auto* found = std::get_if<OrderFound>(&item)) {
-    ingest_.set_word_order(found->robot, found->source, found->order);
+    attempt([&] { ingest_.set_word_order(found->robot, found->source, found->order); });
   }
 }
 

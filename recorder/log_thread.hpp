@@ -1,6 +1,9 @@
 #pragma once
 // The writer's end of the queue: one thread that owns LogWriter and Ingest, commits at a fixed interval, and ends the
 // session. SQLite is touched nowhere else while it runs.
+//
+// A disk that fails or is full does not end a recording: it is told once, what could not be written becomes gap rows of
+// cause disk as soon as writing works again (LogWriter does that), and that is told too.
 
 #include <atomic>
 #include <chrono>
@@ -46,7 +49,7 @@ class LogThread final : public Sink {
   void event(const Event& event) override;
   void word_order(RobotId robot, Source source, WordOrder order) override;
 
-  /// Drains the queue, ends the session, joins. Throws what the writer threw.
+  /// Drains the queue, ends the session, joins. Throws when the end of the session cannot be written.
   void finish(bool clean);
   [[nodiscard]] bool failed() const { return failed_; }
   [[nodiscard]] std::size_t queued() const { return queue_.size(); }
@@ -65,6 +68,8 @@ class LogThread final : public Sink {
   using Item = std::variant<Stored, Gap, Event, OrderFound>;
 
   void run();
+  template <class Work>
+  void attempt(Work work);
   void write(const Item& item);
   void commit();
   void look_for_io(const Answer& answer);
@@ -78,6 +83,7 @@ class LogThread final : public Sink {
   std::vector<int> answers_without_io_;
   std::exception_ptr error_;  // written by the thread, read after join
   bool clean_ = false;        // written before the queue is closed, read after
+  bool disk_fails_ = false;   // told, and nothing was committed since
   std::atomic<bool> failed_{false};
   mutable std::mutex stats_mutex_;
   store::LogWriter::Stats stats_;

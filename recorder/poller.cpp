@@ -111,7 +111,6 @@ void Poller::store(Lane& lane, std::uint64_t seq, PollResult result) {
     return;
   }
   lane.gaps->stored(seq, result.t_send_us, result.t_recv_us, result.cause, result.partial ? result.detail : "");
-  lane.counters.partial += result.partial ? 1 : 0;
   lane.schedule->take();
   lane.counters.planned = lane.schedule->next();
   ++lane.counters.stored;

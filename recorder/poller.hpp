@@ -46,13 +46,11 @@ struct PollerOptions {
   Micros gap_flush_us = 60'000'000;
 };
 
-inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::shutdown) + 1;
 
 /// Counters of one source; written by the poller, readable from any thread.
 struct SourceCounters {
   std::atomic<std::uint64_t> planned{0};  ///< by the schedule; final when run() has returned
   std::atomic<std::uint64_t> stored{0};
-  std::atomic<std::uint64_t> partial{0};
   std::array<std::atomic<std::uint64_t>, kCauseCount> missed{};
   [[nodiscard]] std::uint64_t missed_total() const;
 };

@@ -215,14 +215,14 @@ struct Recorder::Impl {
     std::vector<SourceSummary> out;
     for (std::size_t p = 0; p < pollers.size(); ++p) {
       for (std::size_t s = 0; s < pollers[p]->options().sources.size(); ++s) {
-        const SourceCounters& counters = pollers[p]->counters(s);
         SourceSummary row;
         row.robot = config.robots[owner[p]].name;
         row.source = pollers[p]->options().sources[s].source;
-        row.planned = counters.planned;
-        row.stored = counters.stored;
-        row.partial = counters.partial;
-        std::copy(counters.missed.begin(), counters.missed.end(), row.missed.begin());
+        row.planned = pollers[p]->counters(s).planned;
+        const store::LogWriter::Tally tally = writer.tally(pollers[p]->options().robot, row.source);
+        row.stored = tally.stored;
+        row.partial = tally.partial;
+        row.missed = tally.missed;
         out.push_back(std::move(row));
       }
     }
@@ -261,6 +261,7 @@ Progress Recorder::progress() const {
   out.robots_ok = static_cast<std::size_t>(std::count(ok.begin(), ok.end(), true));
   const store::LogWriter::Stats stats = impl_->log->stats();
   out.rows = stats.rows;
+  out.missed += stats.lost;
   out.queued = impl_->log->queued();
   out.last_commit = stats.last_commit;
   out.stored_bytes = stats.stored_bytes;

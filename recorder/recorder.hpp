@@ -18,7 +18,7 @@
 
 namespace tacho::recorder {
 
-/// One source of one robot at the end of a recording. planned = stored + sum(missed).
+/// One source of one robot at the end of a recording, as its log says. planned = stored + sum(missed).
 struct SourceSummary {
   std::string robot;
   Source source = Source::status;

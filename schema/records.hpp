@@ -68,6 +68,7 @@ enum class Cause : std::uint8_t {
   recorder_killed,  ///< lost with the process: not yet committed when it died
   shutdown,
 };
+inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::shutdown) + 1;
 std::string_view cause_name(Cause cause);
 std::string_view cause_meaning(Cause cause);
 

@@ -30,6 +30,7 @@ GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad) {
       continue;
     }
     GapCount& count = counts[{gap->session, gap->robot, gap->source}];
+    count.last_us = std::max(count.last_us, gap->t_to_us);
     if (gap->partial) {
       count.partial += gap->seq_count;
     } else {

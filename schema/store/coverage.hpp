@@ -38,6 +38,7 @@ struct GapCount {
   std::uint64_t missed = 0;
   std::uint64_t partial = 0;
   std::uint64_t next_seq = 0;  ///< after the last missed poll
+  Micros last_us = 0;          ///< end of the latest
 };
 using GapCounts = std::map<StreamKey, GapCount>;
 /// Rows whose checksum is wrong are left out; `bad` counts them.

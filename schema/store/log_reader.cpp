@@ -310,6 +310,40 @@ class OrderGuard {
   std::array<std::pair<SessionId, std::uint64_t>, kSourceCount> last_{};
 };
 
+/// The flags that registers need, as far as the inputs still vouch for them: what was read before a gap of the inputs,
+/// or in another session, says nothing about the time after.
+class GateKeeper {
+ public:
+  void begin_part(const std::vector<Gap>& gaps) {
+    for (const Gap& gap : gaps) {
+      if (gap.source == Source::inputs && !gap.partial && gap.seq_count > 0) {
+        gaps_[{gap.session, gap.seq_from}] = gap.t_from_us;
+      }
+    }
+  }
+  /// The gates for decoding the next answer in order of arrival.
+  Gates& of(const AnswerMeta& meta) {
+    const auto gap = gaps_.upper_bound(last_);
+    const bool missed = gap != gaps_.end() && gap->first.first == last_.first && gap->second <= meta.t_send_us;
+    if (meta.session != last_.first || missed) {
+      gates_ = Gates{};
+    }
+    if (meta.session != last_.first) {
+      last_ = {meta.session, 0};
+    }
+    if (meta.source == Source::inputs) {
+      last_ = {meta.session, meta.seq};
+    }
+    return gates_;
+  }
+
+ private:
+  using Place = std::pair<SessionId, std::uint64_t>;  ///< session, seq of inputs
+  Gates gates_;
+  Place last_{};                  ///< the newest answer of inputs
+  std::map<Place, Micros> gaps_;  ///< first missed poll -> since when
+};
+
 constexpr const char* kOutOfOrder = "answers that repeat or go back in order are left out";
 
 /// Registers' own answers do not hold the flags that their conditions name; the inputs do, asked for or not.
@@ -339,26 +373,23 @@ void LogReader::read(RobotId robot, Window window, const Selection& selection,
 
   Slicer slicer(robot, selection, yield);
   OrderGuard order;
-  Gates gates;
+  GateKeeper gates;
   Sample sample;
-  std::optional<SessionId> session;
   const auto take = [&](const Answer& answer, const PartHead& head) {
     if (!order.accepts(answer.meta)) {
       impl_->problem(head.path.string(), kOutOfOrder);
       return;
     }
-    if (session != answer.meta.session) {
-      gates = Gates{};
-      session = answer.meta.session;
-    }
     sample.meta = answer.meta;
-    impl_->decode(answer, impl_->stream_of(answer.meta), wanted[static_cast<std::size_t>(answer.meta.source)], gates,
-                  sample);
+    impl_->decode(answer, impl_->stream_of(answer.meta), wanted[static_cast<std::size_t>(answer.meta.source)],
+                  gates.of(answer.meta), sample);
     sample.meta = answer.meta;
     slicer.add(sample);
   };
   impl_->each_part([&](PartReader& part, const PartHead& head) {
-    slicer.begin_part({part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)});
+    PartRecords records{part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)};
+    gates.begin_part(records.gaps);
+    slicer.begin_part(std::move(records));
     try {
       part.answers(query, [&](const Answer& answer) { take(answer, head); });
     } catch (const SqliteError& error) {

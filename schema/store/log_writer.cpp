@@ -30,8 +30,10 @@ Micros day_of(Micros t_us) { return t_us >= 0 ? t_us / kDayUs : (t_us + 1) / kDa
 /// One stream of the open session.
 struct StreamState {
   StreamRow row;
-  StreamCount count;           // of this part
-  StreamCount committed;       // the same at the last commit
+  StreamCount count;       // of this part
+  StreamCount committed;   // the same at the last commit
+  LogWriter::Tally tally;  // of the session
+  LogWriter::Tally committed_tally;
   std::uint64_t next_seq = 0;  // after the last stored or missed poll
   std::uint64_t committed_seq = 0;
   std::optional<std::uint64_t> planned;
@@ -48,6 +50,10 @@ struct StreamState {
 };
 
 using StreamId = std::pair<RobotId, Source>;
+
+void count_gap(StreamState& state, const Gap& gap) {
+  (gap.partial ? state.tally.partial : state.tally.missed[static_cast<std::size_t>(gap.cause)]) += gap.seq_count;
+}
 
 /// The newest row of a stream in earlier sessions.
 struct LastRow {
@@ -74,6 +80,8 @@ struct LogWriter::Impl {
   std::uint64_t since_coverage = 0;
   std::uint64_t since_checkpoint = 0;
   Stats stats;
+  Stats committed_stats;
+  std::map<StreamId, Tally> tallies;  // of the ended session
 
   Impl(const fs::path& folder, WriterOptions how) : options(how), parts(folder, how.durable), encoder(how.zstd_level) {
     if (parts.found()) {
@@ -142,6 +150,9 @@ void LogWriter::Impl::write_head(Connection& connection) {
   }
   for (const auto& [id, state] : streams) {
     store::write(stream_row, state.row);
+    StreamCount count;  // of nothing yet, but a kill has to know when the stream was last heard
+    count.last_us = state.count.last_us;
+    store::write(coverage, {session->id, id.first, id.second}, count);
   }
   for (const auto& [id, last] : earlier) {
     StreamCount count;
@@ -224,6 +235,8 @@ void LogWriter::Impl::write_lost() {
       gap.t_to_us = gap.t_from_us + static_cast<Micros>(gap.seq_count) * state.row.stream.period_us;
       gap.cause = Cause::disk;
       part().put(gap);
+      count_gap(state, gap);
+      stats.lost += gap.seq_count;
     }
   }
 }
@@ -232,8 +245,12 @@ void LogWriter::Impl::rolled_back() {
   part().rollback();
   lost = true;
   urgent = true;
+  const std::uint64_t parts_opened = stats.parts;
+  stats = committed_stats;
+  stats.parts = parts_opened;
   for (auto& [id, state] : streams) {
     state.count = state.committed;
+    state.tally = state.committed_tally;
     state.dirty = true;
     state.unknown.clear();
     state.forget_previous();
@@ -277,8 +294,10 @@ void LogWriter::Impl::committed() {
   lost = false;
   ++stats.commits;
   ++since_checkpoint;
+  committed_stats = stats;
   for (auto& [id, state] : streams) {
     state.committed = state.count;
+    state.committed_tally = state.tally;
     state.committed_seq = state.next_seq;
   }
 }
@@ -331,6 +350,7 @@ void LogWriter::Impl::insert(StreamState& state, const Answer& answer) {
   state.previous_id = row.id;
   state.deltas = stored.needs_base ? state.deltas + 1 : 0;
   state.count.add(answer.meta, row.length);
+  ++state.tally.stored;
   state.dirty = true;
   ++stats.rows;
   stats.body_bytes += row.length;
@@ -373,6 +393,7 @@ void LogWriter::Impl::end_session(Micros t_end_us, bool clean) {
   });
   commit();
   for (const auto& [id, state] : streams) {
+    tallies[id] = state.committed_tally;
     if (state.count.last_us != 0) {
       earlier[id] = {session->id, state.count.last_us};
     }
@@ -400,6 +421,7 @@ SessionId LogWriter::begin_session(const Session& session) {
   impl_->session->id = impl_->next_session++;
   impl_->session->t_end_us = 0;
   impl_->session->clean = false;
+  impl_->tallies.clear();
   impl_->write([this] { impl_->part().put(*impl_->session); });
   return impl_->session->id;
 }
@@ -472,8 +494,13 @@ void LogWriter::note(const Sample& sample) {
 
 void LogWriter::add(const Gap& gap) {
   const bool missed = !gap.partial && gap.seq_count > 0;
-  impl_->write_polls(impl_->stream(gap.robot, gap.source), missed ? gap.seq_from + gap.seq_count : 0,
-                     [&] { impl_->write([&] { impl_->part().put(gap); }); });
+  StreamState& state = impl_->stream(gap.robot, gap.source);
+  impl_->write_polls(state, missed ? gap.seq_from + gap.seq_count : 0, [&] {
+    impl_->write([&] {
+      impl_->part().put(gap);
+      count_gap(state, gap);
+    });
+  });
 }
 
 void LogWriter::add(const Event& event) {
@@ -487,5 +514,13 @@ void LogWriter::add(const ClockPoint& point) {
 void LogWriter::commit() { impl_->commit(); }
 
 const LogWriter::Stats& LogWriter::stats() const { return impl_->stats; }
+
+LogWriter::Tally LogWriter::tally(RobotId robot, Source source) const {
+  if (const auto open = impl_->streams.find({robot, source}); open != impl_->streams.end()) {
+    return open->second.committed_tally;
+  }
+  const auto ended = impl_->tallies.find({robot, source});
+  return ended == impl_->tallies.end() ? Tally{} : ended->second;
+}
 
 }  // namespace tacho::store

@@ -9,6 +9,7 @@
 // The polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report
 // them.
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -70,11 +71,21 @@ class LogWriter {
     std::uint64_t rows = 0;
     std::uint64_t body_bytes = 0;
     std::uint64_t stored_bytes = 0;
+    std::uint64_t lost = 0;  ///< polls that failed transactions cost
     std::uint64_t commits = 0;
     std::uint64_t parts = 0;
     std::chrono::microseconds last_commit{0};
   };
   [[nodiscard]] const Stats& stats() const;
+
+  /// What the session's rows of one stream say: stored + sum(missed) is every poll that left a trace.
+  struct Tally {
+    std::uint64_t stored = 0;
+    std::uint64_t partial = 0;
+    std::array<std::uint64_t, kCauseCount> missed{};
+  };
+  /// As committed; of the last session until the next one begins. Zeros for a stream it did not have.
+  [[nodiscard]] Tally tally(RobotId robot, Source source) const;
 
  private:
   struct Impl;

@@ -86,9 +86,7 @@ void end_stream(PartWriter& part, StreamRow& row, const PartHead& head, Session&
   }
   row.stream.planned = next;
   part.put(row);
-  if (stored.stored > 0) {
-    session.t_end_us = std::max(session.t_end_us, stored.last_us);
-  }
+  session.t_end_us = std::max({session.t_end_us, stored.last_us, missed.last_us});
 }
 
 }  // namespace

@@ -7,7 +7,6 @@ namespace tacho::store {
 
 namespace {
 
-constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::shutdown) + 1;
 constexpr std::array<std::string_view, 5> kRegisterTypes{"none", "u16", "i16", "i32", "f32"};
 
 struct SentinelName {

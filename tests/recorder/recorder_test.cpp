@@ -2,6 +2,9 @@
 
 #include "recorder/recorder.hpp"
 
+#include <sys/resource.h>
+
+#include <csignal>
 #include <set>
 
 #include "recorder/console.hpp"
@@ -212,6 +215,55 @@ TEST_CASE("a stalled writer costs polls, which are counted as queue_full and not
   const auto summary = recorder.finish();
   check_log(dir / "log", summary);
   CHECK(summary[0].missed[static_cast<std::size_t>(Cause::queue_full)] > 0);
+}
+
+TEST_CASE("a disk that is full for a while costs polls, which the log tells of, and never the recording") {
+  TempDir dir;
+  TinyServer status([](Peer& peer, int) { serve_status(peer); });
+  Config config = config_for(dir / "log", {{status.port(), closed_port()}});
+  config.defaults.period_us = config.robots[0].settings.period_us = {5'000, 0, 0, 0};
+  config.commit_us = 20'000;
+  std::mutex mutex;
+  std::vector<std::string> told;
+  Recorder::Options options;
+  options.notice = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    told.push_back(text);
+  };
+  const auto times_told = [&](std::string_view words) {
+    const std::lock_guard lock(mutex);
+    return std::count_if(told.begin(), told.end(), [&](const std::string& t) { return t.find(words) != t.npos; });
+  };
+  const auto wait_until_told = [&](std::string_view words) {
+    for (int i = 0; i < 2000 && times_told(words) == 0; ++i) {
+      std::this_thread::sleep_for(5ms);
+    }
+  };
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit unlimited{};
+  getrlimit(RLIMIT_FSIZE, &unlimited);
+  std::vector<SourceSummary> summary;
+  {
+    Recorder recorder(config, std::move(options));
+    while (recorder.progress().rows < 10) {
+      std::this_thread::sleep_for(5ms);
+    }
+    rlimit full = unlimited;
+    full.rlim_cur = 120'000;
+    setrlimit(RLIMIT_FSIZE, &full);
+    wait_until_told("recording goes on");
+    std::this_thread::sleep_for(200ms);
+    CHECK_FALSE(recorder.done());
+    setrlimit(RLIMIT_FSIZE, &unlimited);
+    wait_until_told("written again");
+    summary = recorder.finish();
+  }
+  std::signal(SIGXFSZ, SIG_DFL);
+  CHECK(times_told("recording goes on") == 1);
+  CHECK(times_told("written again") == 1);
+  REQUIRE(summary.size() == 1);
+  CHECK(summary[0].missed[static_cast<std::size_t>(Cause::disk)] > 0);
+  check_log(dir / "log", summary);
 }
 
 TEST_CASE("a status answer without DI and DO is pointed out once when io is off") {

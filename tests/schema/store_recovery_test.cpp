@@ -111,6 +111,34 @@ TEST_CASE("opening again after a kill goes on with the next session and names th
   CHECK(coverage_of(log).planned == 15);
 }
 
+TEST_CASE("a killed session ends with the last poll that left a trace, stored or missed, in whatever part") {
+  TempDir dir;
+  const fs::path missed_last = dir / "missed";
+  const fs::path new_part = dir / "new";
+  store::WriterOptions options;
+  options.part_bytes = 1;  // a part per commit
+  {
+    Recording recording(dir / "log", options);
+    recording.polls(10);
+    recording.miss(5);
+    recording.writer.commit();
+    copy_as_killed(dir / "log", new_part);
+    recording.end();
+  }
+  {
+    Recording recording(dir / "log2");
+    recording.polls(10);
+    recording.miss(5);
+    recording.writer.commit();
+    copy_as_killed(dir / "log2", missed_last);
+    recording.end();
+  }
+  { store::LogWriter writer(missed_last); }
+  CHECK(open_reader(missed_last).sessions().at(0).t_end_us == kT0 + 15 * kSecond);
+  { store::LogWriter writer(new_part); }
+  CHECK(open_reader(new_part).sessions().at(0).t_end_us == kT0 + 9 * kSecond);
+}
+
 TEST_CASE("what was seen, undecodable and unknown is exact after a kill") {
   TempDir dir;
   const fs::path copy = dir / "copy";

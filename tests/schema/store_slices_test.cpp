@@ -286,3 +286,41 @@ TEST_CASE("the decoder is handed the stream of the row and the flags of the inpu
   CHECK(inputs == 3);
   CHECK(gated == 3);
 }
+
+TEST_CASE("flags of the inputs count for registers until the inputs have a gap, and again after it") {
+  TempDir dir;
+  {
+    Recording recording(dir.path());
+    store::LogWriter& w = recording.writer;
+    w.declare(stream_of(1, 1, Source::registers));
+    w.declare(stream_of(1, 1, Source::inputs));
+    for (std::uint64_t i = 0; i < 9; ++i) {
+      const Micros t = kT0 + static_cast<Micros>(i) * kSecond;
+      if (i == 3) {
+        w.add(gap_of(1, 1, Source::inputs, 3, 2, t));
+      } else if (i != 4) {
+        w.append(answer_of(1, 1, Source::inputs, i, t, "inputs"));
+      }
+      w.append(answer_of(1, 1, Source::registers, i, t + 1, "registers"));
+    }
+    Gap partial = gap_of(1, 1, Source::inputs, 8, 1, kT0 + 8 * kSecond);
+    partial.partial = true;
+    w.add(partial);
+    recording.end();
+  }
+  std::vector<bool> known;
+  const auto decode = [&](const Answer& answer, const Stream&, const FieldSet&, Gates& gates, Sample& out) {
+    out.clear();
+    if (answer.meta.source == Source::inputs) {
+      gates.known.set(field("blocked"));
+    } else {
+      known.push_back(gates.known[field("blocked")]);
+    }
+  };
+  const std::vector<std::filesystem::path> paths{dir.path()};
+  store::LogReader log(paths, decode);
+  Selection selection;
+  selection.add(Source::registers, field("block_reason"));
+  log.read(1, {}, selection, [](const Slice&) {});
+  CHECK(known == std::vector<bool>{true, true, true, false, false, true, true, true, true});
+}
