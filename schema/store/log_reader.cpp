@@ -113,7 +113,7 @@ void LogReader::Impl::open(std::span<const fs::path> logs) {
 
 void LogReader::Impl::add_part(const fs::path& path) {
   try {
-    parts.push_back(read_head(path));
+    parts.push_back(read_part(path));
     for (const std::string& damage : parts.back().damage) {
       problem(path.string(), damage + "; what can be read is used");
     }

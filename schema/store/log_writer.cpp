@@ -9,6 +9,7 @@
 
 #include "schema/store/hot_codec.hpp"
 #include "schema/store/part_sequence.hpp"
+#include "schema/store/repack.hpp"
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
@@ -20,6 +21,9 @@ namespace fs = std::filesystem;
 constexpr Micros kDayUs = 86'400'000'000;
 constexpr std::uint64_t kCommitsPerCoverage = 10;
 constexpr std::uint64_t kCommitsPerCheckpoint = 60;
+constexpr std::uint64_t kCommitsAfterFailedMove = 60;
+/// Moving rows into blocks after a commit takes about this long at most: rows of many robots are due at the same time.
+constexpr auto kMoveBudget = std::chrono::milliseconds(50);
 constexpr int kWalPagesPerCheckpoint = 2048;  // 8 MiB
 constexpr int kWalPagesPinned = 16384;        // 64 MiB: a reader keeps the WAL from being emptied
 // Against a robot that invents keys: the answers themselves keep all of them.
@@ -67,6 +71,8 @@ struct LogWriter::Impl {
   WriterOptions options;
   PartSequence parts;
   HotEncoder encoder;
+  HotLedger hot;  // of the current part
+  Repacker repacker;
   std::map<RobotId, Robot> robots;
   SessionId next_session = 1;
   std::optional<Session> session;
@@ -79,11 +85,13 @@ struct LogWriter::Impl {
   bool day_over = false;
   std::uint64_t since_coverage = 0;
   std::uint64_t since_checkpoint = 0;
+  std::uint64_t move_again_at = 0;  // stats.commits
   Stats stats;
   Stats committed_stats;
   std::map<StreamId, Tally> tallies;  // of the ended session
 
-  Impl(const fs::path& folder, WriterOptions how) : options(how), parts(folder, how.durable), encoder(how.zstd_level) {
+  Impl(const fs::path& folder, WriterOptions how)
+      : options(how), parts(folder, how.durable), encoder(how.zstd_level), repacker(how.zstd_level) {
     if (parts.found()) {
       adopt(*parts.found());
     }
@@ -108,6 +116,8 @@ struct LogWriter::Impl {
   void write_coverage();
   void commit();
   void committed();
+  void coverage_written();
+  void move_due();
   void checkpoint();
   [[nodiscard]] bool part_is_over();
   void turn_day(Micros t_us);
@@ -133,7 +143,10 @@ void LogWriter::Impl::adopt(const PartHead& head) {
       part_day = std::min(part_day.value_or(day_of(count.first_us)), day_of(count.first_us));
     }
   }
-  next_row = std::max(head.row.counted_to, head.ends.hot) + 1;
+  next_row = std::max(head.row.counted_to, head.ends.row) + 1;
+  if (parts.has_current()) {
+    hot.load(part().connection(), head.vocabulary);
+  }
 }
 
 /// What every part carries, so that it can be read alone.
@@ -168,7 +181,7 @@ void LogWriter::Impl::next_part() {
     seq_from[id] = std::exchange(state.row.seq_from, state.next_seq);
   }
   try {
-    parts.next([this](Connection& connection) { write_head(connection); });
+    parts.next([this](Connection& connection) { write_head(connection); }, hot);
   } catch (...) {
     for (auto& [id, state] : streams) {
       state.row.seq_from = seq_from[id];
@@ -184,6 +197,7 @@ void LogWriter::Impl::next_part() {
     state.unknown.clear();
     state.forget_previous();
   }
+  hot = HotLedger{};
   next_row = 1;
   part_day.reset();
   day_over = false;
@@ -245,6 +259,7 @@ void LogWriter::Impl::rolled_back() {
   part().rollback();
   lost = true;
   urgent = true;
+  hot.roll_back();
   const std::uint64_t parts_opened = stats.parts;
   stats = committed_stats;
   stats.parts = parts_opened;
@@ -276,10 +291,9 @@ void LogWriter::Impl::commit() {
       }
       part().commit();
     });
-    since_coverage = coverage ? 0 : since_coverage + 1;
+    ++since_coverage;
     if (coverage) {
-      urgent = false;
-      std::for_each(streams.begin(), streams.end(), [](auto& entry) { entry.second.dirty = false; });
+      coverage_written();
     }
     committed();
     stats.last_commit = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start);
@@ -287,6 +301,39 @@ void LogWriter::Impl::commit() {
   checkpoint();
   if (part_is_over()) {
     next_part();
+  } else {
+    move_due();
+  }
+  parts.tidy(repacker, std::chrono::steady_clock::now() + kMoveBudget);
+}
+
+void LogWriter::Impl::coverage_written() {
+  urgent = false;
+  since_coverage = 0;
+  std::for_each(streams.begin(), streams.end(), [](auto& entry) { entry.second.dirty = false; });
+}
+
+/// Moves the rows of streams that have enough of them. All rows are committed; when this throws, they stay hot.
+void LogWriter::Impl::move_due() {
+  const auto until = std::chrono::steady_clock::now() + kMoveBudget;
+  bool time_left = stats.commits >= move_again_at;
+  while (const std::optional<StreamKey> key = time_left ? hot.due() : std::nullopt) {
+    try {
+      part().begin();
+      write_coverage();  // it counts hot rows, of which some are no more
+      repacker.move(part(), *key, hot.rows(*key));
+      part().commit();
+    } catch (const SqliteError&) {
+      part().rollback();
+      move_again_at = stats.commits + kCommitsAfterFailedMove;
+      throw;
+    }
+    coverage_written();
+    hot.forget(*key);
+    if (const auto open = streams.find({key->robot, key->source}); open != streams.end()) {
+      open->second.forget_previous();
+    }
+    time_left = std::chrono::steady_clock::now() < until;
   }
 }
 
@@ -295,6 +342,7 @@ void LogWriter::Impl::committed() {
   ++stats.commits;
   ++since_checkpoint;
   committed_stats = stats;
+  hot.commit();
   for (auto& [id, state] : streams) {
     state.committed = state.count;
     state.committed_tally = state.tally;
@@ -311,7 +359,6 @@ void LogWriter::Impl::checkpoint() {
   const bool complete = connection.checkpoint_passive();
   // A reader that stays for hours must not make the WAL grow without end: the next part has a WAL of its own.
   day_over = day_over || (!complete && connection.wal_pages() >= kWalPagesPinned);
-  parts.retry_closing();
 }
 
 bool LogWriter::Impl::part_is_over() { return part_day && (day_over || part().bytes() >= options.part_bytes); }
@@ -349,6 +396,7 @@ void LogWriter::Impl::insert(StreamState& state, const Answer& answer) {
   state.previous = answer.body;
   state.previous_id = row.id;
   state.deltas = stored.needs_base ? state.deltas + 1 : 0;
+  hot.add({answer.meta.session, answer.meta.robot, answer.meta.source}, row.id, answer.meta.t_send_us, row.length);
   state.count.add(answer.meta, row.length);
   ++state.tally.stored;
   state.dirty = true;
@@ -408,7 +456,8 @@ LogWriter::~LogWriter() {
   try {
     impl_->urgent = true;
     impl_->commit();
-    impl_->parts.close();
+    impl_->parts.close(impl_->hot);
+    impl_->parts.tidy(impl_->repacker, std::nullopt);
   } catch (const Error&) {
     // What was committed is safe; the next opening closes the part.
   }

@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "schema/store/hot_scan.hpp"
+#include <algorithm>
+
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
@@ -105,31 +106,18 @@ bool survive(PartHead& head, const char* what, Read read) {
 constexpr std::int64_t kUnknownEnd = std::int64_t{1} << 40;
 
 void read_ends(Connection& connection, PartHead& head) {
-  const auto end_of = [&](const char* table, std::int64_t& end) {
+  const auto end_of = [&](const char* column, const char* table, std::int64_t& end) {
     end = kUnknownEnd;
-    survive(head, table, [&] { end = connection.integer(fmt::format("SELECT max(id) FROM {}", table)); });
+    survive(head, table, [&] { end = connection.integer(fmt::format("SELECT max({}) FROM {}", column, table)); });
   };
-  end_of("hot", head.ends.hot);
-  end_of("gap", head.ends.gap);
-  end_of("event", head.ends.event);
-  end_of("clock", head.ends.clock);
-}
-
-/// Counts what can really be read. What was seen, and which answers were undecodable, stays as the writer noted it.
-void count_again(Connection& connection, PartHead& head) {
-  StreamCounts counts;
-  HotScan scan(connection, head.vocabulary, head.ends.hot, [](std::int64_t, std::int64_t, const std::string&) {});
-  BodyChain chain(connection, head.vocabulary);
-  while (const HotRow* row = scan.next()) {
-    if (chain.body(*row) != nullptr) {
-      counts[{row->meta.session, row->meta.robot, row->meta.source}].add(row->meta, row->length);
-    }
-  }
-  for (auto& [key, count] : counts) {
-    count.seen = head.counts[key].seen;
-    count.undecodable = head.counts[key].undecodable;
-  }
-  head.counts = std::move(counts);
+  std::int64_t hot = 0;
+  std::int64_t moved = 0;
+  end_of("id", "hot", hot);
+  end_of("row_to", "block", moved);
+  head.ends.row = std::max({hot, moved, head.row.counted_to});
+  end_of("id", "gap", head.ends.gap);
+  end_of("id", "event", head.ends.event);
+  end_of("id", "clock", head.ends.clock);
 }
 
 void read_counts(Connection& connection, PartHead& head) {
@@ -138,9 +126,6 @@ void read_counts(Connection& connection, PartHead& head) {
   if (head.damage.empty()) {
     survive(head, "the newest answers",
             [&] { add_hot_rows(connection, head.vocabulary, head.row.counted_to, head.counts); });
-  }
-  if (!head.damage.empty()) {
-    count_again(connection, head);
   }
   std::uint64_t bad = 0;
   survive(head, "the table of gaps", [&] { head.gaps = read_gap_counts(connection, bad); });

@@ -28,7 +28,7 @@ class NewerPart : public Error {
 
 /// Largest ids at the moment of opening: a reader stays below them, so that a log that grows reads as it was.
 struct PartEnds {
-  std::int64_t hot = 0;
+  std::int64_t row = 0;  ///< answers, hot or moved
   std::int64_t gap = 0;
   std::int64_t event = 0;
   std::int64_t clock = 0;
@@ -43,7 +43,7 @@ struct PartHead {
   std::vector<Robot> robots;
   std::vector<Session> sessions;
   std::vector<StreamRow> streams;
-  StreamCounts counts;  ///< exact, also after a kill
+  StreamCounts counts;  ///< exact, also after a kill, when there is no damage
   GapCounts gaps;
   std::vector<UnknownKey> unknown_keys;
   Vocabulary vocabulary;
@@ -51,7 +51,8 @@ struct PartHead {
   std::vector<std::string> damage;  ///< in words; empty for a whole part
 };
 
-/// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`.
+/// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`; then the counts
+/// are what the writer noted, see read_part() for what can really be read.
 /// Throws NotAPart, NewerPart, or SqliteError when not even the start can be read.
 PartHead read_head(const std::filesystem::path& path);
 

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
 
+#include "schema/store/block_scan.hpp"
 #include "schema/store/hot_scan.hpp"
 #include "schema/store/schema_sql.hpp"
 
@@ -56,10 +58,81 @@ class BrokenRuns {
   std::map<Source, Run> runs_;
 };
 
+/// The hot answers of a query, in order of arrival.
+class HotAnswers {
+ public:
+  HotAnswers(Connection& connection, const PartHead& head, const PartReader::Query& query,
+             const PartReader::Report& report)
+      : query_(&query),
+        scan_(connection, head.vocabulary, last_row(connection, head),
+              [&report](std::int64_t after, std::int64_t before, const std::string& why) {
+                report(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
+              }),
+        chain_(connection, head.vocabulary),
+        broken_(report) {
+    advance();
+  }
+  /// Place of the next answer among all of the part; 0 at the end.
+  [[nodiscard]] std::int64_t row() const { return row_; }
+  /// Valid until the next call.
+  const Answer& take() {
+    std::swap(answer_, next_);
+    advance();
+    return answer_;
+  }
+
+ private:
+  const PartReader::Query* query_;
+  HotScan scan_;
+  BodyChain chain_;
+  BrokenRuns broken_;
+  std::int64_t row_ = 0;
+  Answer answer_;
+  Answer next_;
+
+  /// The last hot row that this reader looks at. The table itself says, because rows may have moved since the head was
+  /// read; where it cannot, the head knows.
+  static std::int64_t last_row(Connection& connection, const PartHead& head) {
+    try {
+      const std::int64_t last = connection.integer("SELECT ifnull(max(id), 0) FROM hot");
+      return std::min(last, head.ends.row);
+    } catch (const SqliteError& error) {
+      if (!error.damaged()) {
+        throw;
+      }
+      return head.ends.row;
+    }
+  }
+
+  void advance() {
+    row_ = 0;
+    while (const HotRow* row = scan_.next()) {
+      if (row->meta.robot != query_->robot || !query_->sources[static_cast<std::size_t>(row->meta.source)] ||
+          !query_->window.contains(row->meta.t_send_us)) {
+        continue;
+      }
+      const std::string* body = chain_.body(*row);
+      if (body == nullptr) {
+        broken_.bad(row->meta);
+        continue;
+      }
+      broken_.good(row->meta.source);
+      next_.meta = row->meta;
+      next_.body = *body;
+      next_.header = row->header;
+      row_ = row->id;
+      return;
+    }
+    broken_.finish();
+  }
+};
+
 }  // namespace
 
 PartReader::PartReader(const PartHead& head, Report report)
-    : head_(&head), report_(std::move(report)), connection_(open_part_for_reading(head.path)) {}
+    : head_(&head), report_(std::move(report)), connection_(open_part_for_reading(head.path)) {
+  connection_.exec("BEGIN");
+}
 
 void PartReader::answers(const Query& query, const std::function<void(const Answer&)>& yield) {
   const bool any = std::any_of(head_->counts.begin(), head_->counts.end(), [&](const auto& entry) {
@@ -67,36 +140,18 @@ void PartReader::answers(const Query& query, const std::function<void(const Answ
     return key.robot == query.robot && query.sources[static_cast<std::size_t>(key.source)] && count.stored > 0 &&
            count.last_us >= query.window.from_us && count.first_us < query.window.to_us;
   });
-  if (any) {
-    hot_answers(query, yield);
+  if (!any && head_->damage.empty()) {
+    return;
   }
-}
-
-void PartReader::hot_answers(const Query& query, const std::function<void(const Answer&)>& yield) {
-  HotScan scan(connection_, head_->vocabulary, head_->ends.hot,
-               [&](std::int64_t after, std::int64_t before, const std::string& why) {
-                 report_(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
-               });
-  BodyChain chain(connection_, head_->vocabulary);
-  BrokenRuns broken(report_);
-  Answer answer;
-  while (const HotRow* row = scan.next()) {
-    if (row->meta.robot != query.robot || !query.sources[static_cast<std::size_t>(row->meta.source)] ||
-        !query.window.contains(row->meta.t_send_us)) {
-      continue;
+  HotAnswers hot(connection_, *head_, query, report_);
+  BlockScan moved(connection_, *head_, query.robot, query.sources, query.window, report_);
+  while (hot.row() != 0 || moved.row() != 0) {
+    if (moved.row() == 0 || (hot.row() != 0 && hot.row() < moved.row())) {
+      yield(hot.take());
+    } else {
+      yield(moved.take());
     }
-    const std::string* body = chain.body(*row);
-    if (body == nullptr) {
-      broken.bad(row->meta);
-      continue;
-    }
-    broken.good(row->meta.source);
-    answer.meta = row->meta;
-    answer.body = *body;
-    answer.header = row->header;
-    yield(answer);
   }
-  broken.finish();
 }
 
 template <class Row, class Read, class Keep>
@@ -153,6 +208,33 @@ std::vector<ClockPoint> PartReader::clock(RobotId robot, Window window) {
     return std::pair(a.session, a.wall_us) < std::pair(b.session, b.wall_us);
   });
   return rows;
+}
+
+PartHead read_part(const std::filesystem::path& path) {
+  PartHead head = read_head(path);
+  if (head.damage.empty()) {
+    return head;
+  }
+  std::set<RobotId> robots;
+  for (const Robot& robot : head.robots) {
+    robots.insert(robot.id);
+  }
+  StreamCounts counts;
+  PartReader part(head, [](const std::string&) {});
+  PartReader::Query query;
+  query.sources.fill(true);
+  for (const RobotId robot : robots) {
+    query.robot = robot;
+    part.answers(query, [&](const Answer& answer) {
+      counts[{answer.meta.session, answer.meta.robot, answer.meta.source}].add(answer.meta, answer.body.size());
+    });
+  }
+  for (auto& [key, count] : counts) {
+    count.seen = head.counts[key].seen;
+    count.undecodable = head.counts[key].undecodable;
+  }
+  head.counts = std::move(counts);
+  return head;
 }
 
 }  // namespace tacho::store

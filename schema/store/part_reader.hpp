@@ -38,11 +38,14 @@ class PartReader {
  private:
   const PartHead* head_;
   Report report_;
-  Connection connection_;
+  Connection connection_;  ///< in one read transaction: rows move into blocks while a log is recorded
 
-  void hot_answers(const Query& query, const std::function<void(const Answer&)>& yield);
   template <class Row, class Read, class Keep>
   std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);
 };
+
+/// read_head(), with the counts of a damaged part as what can really be read. What was seen, and which answers were
+/// undecodable, stays as the writer noted it.
+PartHead read_part(const std::filesystem::path& path);
 
 }  // namespace tacho::store

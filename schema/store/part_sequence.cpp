@@ -1,7 +1,9 @@
 #include "schema/store/part_sequence.hpp"
 
+#include <algorithm>
 #include <utility>
 
+#include "schema/store/part_reader.hpp"
 #include "schema/store/recovery.hpp"
 #include "schema/store/schema_sql.hpp"
 
@@ -10,6 +12,26 @@ namespace tacho::store {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr auto kClosingPause = std::chrono::seconds(30);
+
+/// Counts what a kill left uncounted, so that rows can be moved.
+HotLedger all_hot_rows(PartWriter& part) {
+  Connection& connection = part.connection();
+  const Vocabulary vocabulary = read_vocabulary(connection);
+  const std::int64_t counted_to = read_part_row(connection).counted_to;
+  part.begin();
+  StreamCounts counts = read_coverage_rows(connection, vocabulary);
+  add_hot_rows(connection, vocabulary, counted_to, counts);
+  for (const auto& [key, count] : counts) {
+    part.put(key, count);
+  }
+  part.set_counted_to(std::max(counted_to, connection.integer("SELECT ifnull(max(id), 0) FROM hot")));
+  part.commit();
+  HotLedger ledger;
+  ledger.load(connection, vocabulary);
+  return ledger;
+}
 
 /// The folder exists afterwards.
 const fs::path& made(const fs::path& folder) {
@@ -37,16 +59,15 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   }
   for (const PartFile& file : files) {
     if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal")) {
-      open_.push_back(file.path);
+      left_.push_back({file.path, std::nullopt});
     }
   }
-  retry_closing();
 }
 
 void PartSequence::find_newest(const std::vector<PartFile>& files) {
   for (auto file = files.rbegin(); file != files.rend() && !found_; ++file) {
     try {
-      found_ = read_head(file->path);
+      found_ = read_part(file->path);
     } catch (const NewerPart&) {
       throw;
     } catch (const Error&) {
@@ -55,41 +76,50 @@ void PartSequence::find_newest(const std::vector<PartFile>& files) {
   }
 }
 
-void PartSequence::next(const Fill& fill) {
+void PartSequence::next(const Fill& fill, const HotLedger& hot) {
   const PartRow row{log_, number_ + 1, "tachograph " TACHO_VERSION, false, 0};
   auto part = std::make_unique<PartWriter>(create_part(folder_, row, fill), durable_);
   ++number_;
-  close();
+  close(hot);
   current_ = std::move(part);
 }
 
-void PartSequence::close() {
-  if (!current_) {
-    return;
+void PartSequence::close(const HotLedger& hot) {
+  if (current_) {
+    left_.push_back({current_->connection().path(), hot});
+    current_.reset();
   }
-  const fs::path path = current_->connection().path();
-  current_.reset();
-  open_.push_back(path);
-  retry_closing();
 }
 
-void PartSequence::retry_closing() {
-  std::vector<fs::path> still_open;
-  for (const fs::path& path : open_) {
-    try {
-      Connection connection = open_part_for_writing(path, durable_);
-      connection.set_busy_timeout(0);  // recording never waits for a reader
-      if (close_part(connection)) {
-        continue;
-      }
-    } catch (const SqliteError& error) {
-      if (error.damaged()) {
-        continue;  // a damaged part stays as it is
-      }
-    }
-    still_open.push_back(path);
+void PartSequence::tidy(Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until) {
+  std::erase_if(left_, [&](Left& left) { return finish(left, repacker, until); });
+}
+
+/// True when nothing is left to do for the part.
+bool PartSequence::finish(Left& left, Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until) {
+  const auto now = std::chrono::steady_clock::now();
+  if (until && (now >= *until || now < left.not_before)) {
+    return false;
   }
-  open_ = std::move(still_open);
+  try {
+    PartWriter part(left.path, durable_);
+    part.connection().set_busy_timeout(0);  // recording never waits for a reader
+    if (!left.hot) {
+      left.hot = all_hot_rows(part);
+    }
+    if (!move_all(part, *left.hot, repacker, until)) {
+      return false;
+    }
+    if (close_part(part.connection())) {
+      return true;
+    }
+  } catch (const SqliteError& error) {
+    if (error.damaged()) {
+      return true;  // a damaged part stays as it is
+    }
+  }
+  left.not_before = now + kClosingPause;
+  return false;
 }
 
 }  // namespace tacho::store

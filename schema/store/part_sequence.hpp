@@ -12,6 +12,7 @@
 #include "schema/store/lock.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/part_writer.hpp"
+#include "schema/store/repack.hpp"
 
 namespace tacho::store {
 
@@ -30,12 +31,14 @@ class PartSequence {
   [[nodiscard]] bool has_current() const { return current_ != nullptr; }
   PartWriter& current() { return *current_; }
 
-  /// Starts the next part and closes the one before. When this throws, the current part goes on.
-  void next(const Fill& fill);
-  /// Closes the current part.
-  void close();
-  /// Tries again to close parts that a reader held open.
-  void retry_closing();
+  /// Starts the next part; `hot` are the rows of the one before that have not been moved yet. When this throws, the
+  /// current part goes on.
+  void next(const Fill& fill, const HotLedger& hot);
+  /// The current part is no longer written. All its rows are counted in its coverage.
+  void close(const HotLedger& hot);
+  /// Moves what is hot in parts that are no longer written, for some time or to the end, and closes those that no reader
+  /// holds open.
+  void tidy(Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until);
 
  private:
   std::filesystem::path folder_;
@@ -45,8 +48,15 @@ class PartSequence {
   std::uint32_t number_ = 0;
   std::optional<PartHead> found_;
   std::unique_ptr<PartWriter> current_;
-  std::vector<std::filesystem::path> open_;  // no longer written, not yet closed
+  /// No longer written, not yet closed.
+  struct Left {
+    std::filesystem::path path;
+    std::optional<HotLedger> hot;  ///< empty: not known yet
+    std::chrono::steady_clock::time_point not_before{};  ///< a reader held it open at the last try
+  };
+  std::vector<Left> left_;
 
+  bool finish(Left& left, Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until);
   void find_newest(const std::vector<PartFile>& files);
 };
 

@@ -12,6 +12,7 @@ PartWriter::PartWriter(const std::filesystem::path& path, bool durable)
       session_(connection_, insert_sql("session", "OR REPLACE")),
       stream_(connection_, insert_sql("stream", "OR REPLACE")),
       hot_(connection_, insert_sql("hot")),
+      block_(connection_, insert_sql("block")),
       gap_(connection_, insert_sql("gap")),
       event_(connection_, insert_sql("event")),
       clock_(connection_, insert_sql("clock")),

@@ -27,6 +27,7 @@ class PartWriter {
   void put(const Session& session) { write(session_, session); }
   void put(const StreamRow& stream) { write(stream_, stream); }
   void put(const HotRow& row) { write(hot_, row); }
+  void put(const BlockRow& row) { write(block_, row); }
   void put(const Gap& gap) { write(gap_, gap); }
   void put(const Event& event) { write(event_, event); }
   void put(const ClockPoint& point) { write(clock_, point); }
@@ -48,6 +49,7 @@ class PartWriter {
   Statement session_;
   Statement stream_;
   Statement hot_;
+  Statement block_;
   Statement gap_;
   Statement event_;
   Statement clock_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "schema/store/part_reader.hpp"
+
 namespace tacho::store {
 
 namespace {
@@ -15,25 +17,25 @@ struct Span {
   Micros t_to_us = 0;
 };
 
-/// Hot rows of a stream, runs of consecutive numbers as one span.
-std::vector<Span> stored_spans(Connection& connection, const StreamKey& key, const Vocabulary& vocabulary) {
+/// Stored answers of a stream, runs of consecutive numbers as one span.
+std::vector<Span> stored_spans(const StreamKey& key, const PartHead& head) {
   std::vector<Span> spans;
-  Statement row(connection, "SELECT seq, t_send_us, source FROM hot WHERE robot = ?1 AND session = ?2 ORDER BY id");
-  row.query(key.robot, key.session);
-  while (row.step()) {
-    const auto number = static_cast<std::size_t>(row.integer(2));
-    if (number >= vocabulary.source.size() || vocabulary.source[number] != key.source) {
-      continue;
+  PartReader part(head, [](const std::string&) {});
+  PartReader::Query query;
+  query.robot = key.robot;
+  query.sources[static_cast<std::size_t>(key.source)] = true;
+  part.answers(query, [&](const Answer& answer) {
+    const AnswerMeta& meta = answer.meta;
+    if (meta.session != key.session) {
+      return;
     }
-    const auto seq = static_cast<std::uint64_t>(row.integer(0));
-    const Micros t = row.integer(1);
-    if (!spans.empty() && spans.back().to == seq) {
-      spans.back().to = seq + 1;
-      spans.back().t_to_us = t;
+    if (!spans.empty() && spans.back().to == meta.seq) {
+      spans.back().to = meta.seq + 1;
+      spans.back().t_to_us = meta.t_send_us;
     } else {
-      spans.push_back({seq, seq + 1, t, t});
+      spans.push_back({meta.seq, meta.seq + 1, meta.t_send_us, meta.t_send_us});
     }
-  }
+  });
   return spans;
 }
 
@@ -49,7 +51,7 @@ void add_gap_spans(Connection& connection, const StreamKey& key, std::vector<Spa
 }
 
 void fill_holes(PartWriter& part, const StreamKey& key, const PartHead& head, std::uint64_t seq_from, Micros t_start) {
-  std::vector<Span> spans = stored_spans(part.connection(), key, head.vocabulary);
+  std::vector<Span> spans = stored_spans(key, head);
   add_gap_spans(part.connection(), key, spans);
   std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) { return a.from < b.from; });
   std::uint64_t next = seq_from;
@@ -113,7 +115,7 @@ void end_killed_sessions(PartWriter& part, PartHead& head) {
   for (const auto& [key, count] : head.counts) {
     part.put(key, count);
   }
-  part.set_counted_to(std::max(head.row.counted_to, head.ends.hot));
+  part.set_counted_to(std::max(head.row.counted_to, head.ends.row));
   part.commit();
 }
 

@@ -27,6 +27,21 @@ std::int64_t checksum(const Gap& g) {
       .value();
 }
 
+std::int64_t checksum(const BlockRow& b) {
+  return Checksum()
+      .add(wide(b.robot))
+      .add(b.source)
+      .add(wide(b.session))
+      .add(wide(b.seq_from))
+      .add(wide(b.seq_to))
+      .add(b.row_from)
+      .add(b.row_to)
+      .add(b.t_from_us)
+      .add(b.t_to_us)
+      .add(wide(b.rows))
+      .value();
+}
+
 std::int64_t checksum(const Event& e) {
   return Checksum()
       .add(wide(e.robot))
@@ -94,6 +109,11 @@ void write(Statement& insert, const HotRow& row) {
   insert.run(row.id, row.meta.robot, row.source, row.meta.session, row.meta.seq, row.meta.t_send_us,
              row.meta.t_recv_us - row.meta.t_send_us, base, row.length, checksum(row), header,
              Statement::Blob{row.body});
+}
+
+void write(Statement& insert, const BlockRow& b) {
+  insert.run(std::nullopt, b.robot, b.source, b.session, b.seq_from, b.seq_to, b.row_from, b.row_to, b.t_from_us,
+             b.t_to_us, b.rows, checksum(b), Statement::Blob{b.data});
 }
 
 void write(Statement& insert, const Gap& g) {
@@ -167,6 +187,22 @@ HotRow read_hot(const Statement& row, const Vocabulary& vocabulary) {
   out.header = row.bytes(10);
   out.body = row.bytes(11);
   return out;
+}
+
+std::optional<BlockRow> read_block_place(const Statement& row) {
+  BlockRow b;
+  b.id = row.integer(0);
+  b.robot = static_cast<RobotId>(row.integer(1));
+  b.source = row.integer(2);
+  b.session = static_cast<SessionId>(row.integer(3));
+  b.seq_from = static_cast<std::uint64_t>(row.integer(4));
+  b.seq_to = static_cast<std::uint64_t>(row.integer(5));
+  b.row_from = row.integer(6);
+  b.row_to = row.integer(7);
+  b.t_from_us = row.integer(8);
+  b.t_to_us = row.integer(9);
+  b.rows = static_cast<std::uint64_t>(row.integer(10));
+  return checksum(b) == row.integer(11) ? std::optional(b) : std::nullopt;
 }
 
 std::optional<Gap> read_gap(const Statement& row) {

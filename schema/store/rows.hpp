@@ -32,10 +32,27 @@ struct HotRow {
 };
 std::int64_t checksum(const HotRow& row);
 
+/// One row of `block`. `data` belongs to somebody else.
+struct BlockRow {
+  std::int64_t id = 0;
+  RobotId robot = 0;
+  std::int64_t source = 0;  ///< number of the part's code list
+  SessionId session = 0;
+  std::uint64_t seq_from = 0;
+  std::uint64_t seq_to = 0;
+  std::int64_t row_from = 0;
+  std::int64_t row_to = 0;
+  Micros t_from_us = 0;
+  Micros t_to_us = 0;
+  std::uint64_t rows = 0;
+  std::string_view data;
+};
+
 void write(Statement& insert, const Robot& robot);
 void write(Statement& insert, const Session& session);
 void write(Statement& insert, const StreamRow& stream);
 void write(Statement& insert, const HotRow& row);
+void write(Statement& insert, const BlockRow& row);
 void write(Statement& insert, const Gap& gap);
 void write(Statement& insert, const Event& event);
 void write(Statement& insert, const ClockPoint& point);
@@ -46,6 +63,10 @@ Session read_session(const Statement& row);
 std::optional<StreamRow> read_stream(const Statement& row);
 /// Views are valid until the statement moves on.
 HotRow read_hot(const Statement& row, const Vocabulary& vocabulary);
+/// The columns of kBlockPlaces. Empty when the checksum does not fit.
+std::optional<BlockRow> read_block_place(const Statement& row);
+inline constexpr std::string_view kBlockPlaces =
+    "SELECT id, robot, source, session, seq_from, seq_to, row_from, row_to, t_from_us, t_to_us, rows, crc FROM block";
 /// Empty when the checksum does not fit, or a name means nothing to this program.
 std::optional<Gap> read_gap(const Statement& row);
 std::optional<Event> read_event(const Statement& row);

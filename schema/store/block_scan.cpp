@@ -1,0 +1,137 @@
+#include "schema/store/block_scan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace tacho::store {
+
+namespace {
+
+/// Blocks that a query needs, by source. Rows of the table that are damaged are named.
+std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection, const PartHead& head, RobotId robot,
+                                                         const std::array<bool, kSourceCount>& sources, Window window,
+                                                         const BlockScan::Report& report) {
+  std::array<std::deque<BlockRow>, kSourceCount> places;
+  std::uint64_t bad = 0;
+  try {
+    Statement row(connection, kBlockPlaces);
+    row.query();
+    while (row.step()) {
+      const std::optional<BlockRow> place = read_block_place(row);
+      const auto number = static_cast<std::size_t>(place ? place->source : 0);
+      if (!place || number >= head.vocabulary.source.size() || !head.vocabulary.source[number]) {
+        ++bad;
+        continue;
+      }
+      const auto source = static_cast<std::size_t>(*head.vocabulary.source[number]);
+      if (place->robot == robot && sources[source] && place->row_from <= head.ends.row &&
+          place->t_to_us >= window.from_us && place->t_from_us < window.to_us) {
+        places[source].push_back(*place);
+      }
+    }
+  } catch (const SqliteError& error) {
+    if (!error.damaged()) {
+      throw;
+    }
+    report(fmt::format("the rest of table block cannot be read: {}", error.what()));
+  }
+  if (bad > 0) {
+    report(fmt::format("{} rows of table block are damaged and left out", bad));
+  }
+  for (std::deque<BlockRow>& lane : places) {
+    std::sort(lane.begin(), lane.end(), [](const BlockRow& a, const BlockRow& b) { return a.row_from < b.row_from; });
+  }
+  return places;
+}
+
+}  // namespace
+
+BlockScan::BlockScan(Connection& connection, const PartHead& head, RobotId robot,
+                     const std::array<bool, kSourceCount>& sources, Window window, const Report& report)
+    : head_(&head),
+      report_(&report),
+      fetch_(connection, "SELECT data FROM block WHERE id = ?1"),
+      robot_(robot),
+      window_(window) {
+  auto places = places_of(connection, head, robot, sources, window, report);
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    if (!places[s].empty()) {
+      lanes_.push_back({static_cast<Source>(s), std::move(places[s]), {}, {}, 0});
+      fill(lanes_.back());
+    }
+  }
+}
+
+/// Opens blocks until one has answers, or none is left.
+void BlockScan::fill(Lane& lane) {
+  lane.rows.clear();
+  lane.next = 0;
+  while (lane.rows.empty() && !lane.blocks.empty()) {
+    const BlockRow place = lane.blocks.front();
+    lane.blocks.pop_front();
+    load(lane, place);
+  }
+}
+
+void BlockScan::load(Lane& lane, const BlockRow& place) {
+  std::string damage;
+  try {
+    fetch_.query(place.id);
+    damage = fetch_.step() ? decoder_.open(fetch_.bytes(0)) : "it is gone";
+    const BlockHead& head = decoder_.head();
+    if (damage.empty() && (head.robot != robot_ || head.source != lane.source || head.session != place.session)) {
+      damage = "it belongs to another stream";
+    }
+    std::vector<std::int64_t> rows;
+    if (damage.empty()) {
+      damage = decoder_.places(rows);
+    }
+    if (damage.empty()) {
+      damage = decoder_.answers([&](std::size_t i, const Answer& answer) {
+        if (window_.contains(answer.meta.t_send_us) && rows[i] <= head_->ends.row) {
+          if (lane.answers.size() <= lane.rows.size()) {
+            lane.answers.emplace_back();
+          }
+          lane.answers[lane.rows.size()] = answer;
+          lane.rows.push_back(rows[i]);
+        }
+      });
+    }
+  } catch (const SqliteError& error) {
+    if (!error.damaged()) {
+      throw;
+    }
+    damage = error.what();
+  }
+  fetch_.reset();
+  if (!damage.empty()) {
+    (*report_)(fmt::format("block {} (robot {}, {}, session {}, polls {} to {}): {}", place.id, robot_,
+                           source_name(lane.source), place.session, place.seq_from, place.seq_to, damage));
+  }
+}
+
+std::int64_t BlockScan::row() const {
+  std::int64_t first = 0;
+  for (const Lane& lane : lanes_) {
+    if (lane.next < lane.rows.size() && (first == 0 || lane.rows[lane.next] < first)) {
+      first = lane.rows[lane.next];
+    }
+  }
+  return first;
+}
+
+const Answer& BlockScan::take() {
+  const std::int64_t first = row();
+  const auto lane = std::find_if(lanes_.begin(), lanes_.end(), [&](const Lane& l) {
+    return l.next < l.rows.size() && l.rows[l.next] == first;
+  });
+  std::swap(answer_, lane->answers[lane->next]);
+  if (++lane->next == lane->rows.size()) {
+    fill(*lane);
+  }
+  return answer_;
+}
+
+}  // namespace tacho::store
