@@ -1,0 +1,304 @@
+#include "schema/store/block/int_stream.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+namespace tacho::store {
+
+namespace {
+
+enum Prediction : std::uint8_t { kNone, kPrevious, kLine, kPredictions };
+constexpr std::uint8_t kSparse = 4;
+constexpr std::uint8_t kOneByOne = 8;
+constexpr std::uint8_t kPredictionMask = 3;
+constexpr unsigned kPlanes = 8;
+
+std::int64_t subtract(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+/// What is left of the values after prediction, and the varints that start it.
+struct Residuals {
+  std::vector<std::uint64_t> values;
+  std::string seeds;
+};
+
+Residuals predict(std::span<const std::int64_t> values, Prediction prediction) {
+  Residuals left;
+  left.values.resize(values.size());
+  if (prediction == kNone) {
+    const std::int64_t base = *std::min_element(values.begin(), values.end());
+    put_varint(left.seeds, zigzag(base));
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      left.values[i] = static_cast<std::uint64_t>(subtract(values[i], base));
+    }
+    return left;
+  }
+  put_varint(left.seeds, zigzag(values[0]));
+  std::int64_t slope = 0;
+  if (prediction == kLine) {
+    slope = values.size() > 1 ? subtract(values[1], values[0]) : 0;
+    put_varint(left.seeds, zigzag(slope));
+  }
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    const std::int64_t difference = subtract(values[i], values[i - 1]);
+    left.values[i] = zigzag(prediction == kLine ? subtract(difference, slope) : difference);
+    slope = difference;
+  }
+  return left;
+}
+
+/// Bytes an ideal order-0 coder would need for a plane; more than the plane itself when it is noise.
+double ideal_bytes(std::string_view plane) {
+  std::array<std::uint32_t, 256> counts{};
+  for (const char c : plane) {
+    ++counts[static_cast<unsigned char>(c)];
+  }
+  double bits = 0;
+  std::size_t symbols = 0;
+  for (const std::uint32_t count : counts) {
+    if (count > 0) {
+      bits -= count * std::log2(static_cast<double>(count) / static_cast<double>(plane.size()));
+      ++symbols;
+    }
+  }
+  // A table costs about four bits per symbol.
+  return bits / 8 + static_cast<double>(symbols) / 2;
+}
+
+/// Residuals cut into planes, low plane first.
+struct Planes {
+  std::string bytes;
+  unsigned count = 0;  ///< planes that are not all zero
+  unsigned raw = 0;    ///< low planes that are noise
+  std::size_t rows = 0;
+  [[nodiscard]] std::string_view at(unsigned plane) const { return std::string_view(bytes).substr(plane * rows, rows); }
+};
+
+Planes cut(std::span<const std::uint64_t> values) {
+  Planes planes;
+  planes.rows = values.size();
+  std::uint64_t all = 0;
+  for (const std::uint64_t value : values) {
+    all |= value;
+  }
+  planes.count = static_cast<unsigned>((std::bit_width(all) + 7) / 8);
+  planes.bytes.resize(planes.count * planes.rows);
+  for (unsigned p = 0; p < planes.count; ++p) {
+    char* const plane = planes.bytes.data() + p * planes.rows;
+    for (std::size_t i = 0; i < planes.rows; ++i) {
+      plane[i] = static_cast<char>(values[i] >> (8U * p));
+    }
+  }
+  constexpr double kWorthIt = 0.96;
+  while (planes.raw < planes.count &&
+         ideal_bytes(planes.at(planes.raw)) > kWorthIt * static_cast<double>(planes.rows)) {
+    ++planes.raw;
+  }
+  return planes;
+}
+
+/// Keeps the smallest of several encodings. A later one must be smaller by `kBias` bytes, because earlier ones are
+/// simpler and faster to read.
+class Smallest {
+ public:
+  void offer(std::string&& candidate) {
+    constexpr std::size_t kBias = 4;
+    if (best_.empty() || candidate.size() + kBias < best_.size()) {
+      best_ = std::move(candidate);
+    }
+  }
+  [[nodiscard]] const std::string& best() const { return best_; }
+
+ private:
+  std::string best_;
+};
+
+void offer_planes(std::uint8_t header, const Planes& planes, const std::string& prefix, Packer& packer,
+                  Smallest& smallest) {
+  const auto start = [&](std::uint8_t flags) {
+    std::string out(1, static_cast<char>(header | flags | planes.count << 4U));
+    if (planes.count > 0) {
+      out.push_back(static_cast<char>(planes.raw));
+    }
+    out += prefix;
+    out.append(planes.bytes, 0, planes.raw * planes.rows);
+    return out;
+  };
+  std::string together = start(0);
+  if (planes.raw < planes.count) {
+    packer.append(together, std::string_view(planes.bytes).substr(planes.raw * planes.rows));
+  }
+  smallest.offer(std::move(together));
+  if (planes.count - planes.raw > 1) {
+    std::string one_by_one = start(kOneByOne);
+    for (unsigned p = planes.raw; p < planes.count; ++p) {
+      packer.append(one_by_one, planes.at(p));
+    }
+    smallest.offer(std::move(one_by_one));
+  }
+}
+
+void offer_sparse(Prediction prediction, const Residuals& left, Packer& packer, Smallest& smallest) {
+  std::string bitmap((left.values.size() + 7) / 8, '\0');
+  std::vector<std::uint64_t> others;
+  for (std::size_t i = 0; i < left.values.size(); ++i) {
+    if (left.values[i] != 0) {
+      bitmap[i / 8] = static_cast<char>(bitmap[i / 8] | 1 << (i % 8));
+      others.push_back(left.values[i]);
+    }
+  }
+  constexpr std::size_t kWorthIt = 4;  // a bitmap costs an eighth of a plane
+  if (others.empty() || others.size() > left.values.size() - left.values.size() / kWorthIt) {
+    return;
+  }
+  std::string prefix = left.seeds;
+  packer.append(prefix, bitmap);
+  offer_planes(static_cast<std::uint8_t>(prediction | kSparse), cut(others), prefix, packer, smallest);
+}
+
+template <unsigned Count>
+void merge(const std::array<const char*, kPlanes>& planes, std::size_t rows, std::uint64_t* out) {
+  for (std::size_t i = 0; i < rows; ++i) {
+    std::uint64_t value = 0;
+    for (unsigned p = 0; p < Count; ++p) {
+      value |= std::uint64_t{static_cast<unsigned char>(planes[p][i])} << (8U * p);
+    }
+    out[i] = value;
+  }
+}
+
+using Merge = void (*)(const std::array<const char*, kPlanes>&, std::size_t, std::uint64_t*);
+constexpr std::array<Merge, kPlanes + 1> kMerge{merge<0>, merge<1>, merge<2>, merge<3>, merge<4>,
+                                                merge<5>, merge<6>, merge<7>, merge<8>};
+
+/// Spreads `others` over the set bits; `values` has one element more than rows.
+void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, std::vector<std::int64_t>& values) {
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::uint64_t bit = static_cast<unsigned char>(bitmap[i / 8]) >> (i % 8) & 1U;
+    values[i] = static_cast<std::int64_t>(others[next] & (0 - bit));
+    next += bit;
+  }
+}
+
+void undo_previous(std::uint64_t seed, std::vector<std::int64_t>& values) {
+  for (std::int64_t& value : values) {
+    seed += static_cast<std::uint64_t>(unzigzag(static_cast<std::uint64_t>(value)));
+    value = static_cast<std::int64_t>(seed);
+  }
+}
+
+void undo_line(std::uint64_t seed, std::uint64_t slope, std::vector<std::int64_t>& values) {
+  seed -= slope;  // the first step brings it back
+  for (std::int64_t& value : values) {
+    slope += static_cast<std::uint64_t>(unzigzag(static_cast<std::uint64_t>(value)));
+    seed += slope;
+    value = static_cast<std::int64_t>(seed);
+  }
+}
+
+}  // namespace
+
+void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::string& out) {
+  if (values.empty()) {
+    return;
+  }
+  Smallest smallest;
+  for (std::uint8_t p = kNone; p < kPredictions; ++p) {
+    const auto prediction = static_cast<Prediction>(p);
+    const Residuals left = predict(values, prediction);
+    const Planes planes = cut(left.values);
+    offer_planes(prediction, planes, left.seeds, packer, smallest);
+    if (planes.count == 0) {
+      break;  // nothing is smaller
+    }
+    offer_sparse(prediction, left, packer, smallest);
+  }
+  out += smallest.best();
+}
+
+bool IntReader::take_planes(ByteReader& in, const Header& header, std::size_t count, std::uint64_t* out) {
+  std::array<const char*, kPlanes> plane{};
+  const std::string_view low = in.take(header.raw * count);
+  if (!in.good()) {
+    return false;
+  }
+  for (unsigned p = 0; p < header.raw; ++p) {
+    plane[p] = low.data() + p * count;
+  }
+  const unsigned step = (header.flags & kOneByOne) != 0 ? 1 : header.planes - header.raw;
+  for (unsigned p = header.raw; p < header.planes; p += step) {
+    const std::optional<std::string_view> piece = unpacker_.take(in, step * count, planes_[p]);
+    if (!piece) {
+      return false;
+    }
+    for (unsigned k = 0; k < step; ++k) {
+      plane[p + k] = piece->data() + k * count;
+    }
+  }
+  kMerge[header.planes](plane, count, out);
+  return true;
+}
+
+bool IntReader::take_residuals(ByteReader& in, const Header& header, std::vector<std::int64_t>& values) {
+  if ((header.flags & kSparse) == 0) {
+    dense_.resize(values.size());
+    if (!take_planes(in, header, values.size(), dense_.data())) {
+      return false;
+    }
+    std::memcpy(values.data(), dense_.data(), values.size() * sizeof(std::int64_t));
+    return true;
+  }
+  const std::optional<std::string_view> bitmap = unpacker_.take(in, (values.size() + 7) / 8, bitmap_);
+  if (!bitmap) {
+    return false;
+  }
+  std::size_t others = 0;
+  for (const char c : *bitmap) {
+    others += static_cast<std::size_t>(std::popcount(static_cast<unsigned char>(c)));
+  }
+  if (others > values.size()) {
+    return false;
+  }
+  dense_.assign(others + 1, 0);
+  if (!take_planes(in, header, others, dense_.data())) {
+    return false;
+  }
+  spread(*bitmap, dense_, values);
+  return true;
+}
+
+bool IntReader::take(ByteReader& in, std::size_t count, std::vector<std::int64_t>& values) {
+  values.resize(count);
+  if (count == 0) {
+    return true;
+  }
+  Header header;
+  header.flags = in.byte();
+  header.planes = header.flags >> 4U;
+  header.raw = header.planes > 0 ? in.byte() : 0U;
+  const int prediction = header.flags & kPredictionMask;
+  const auto seed = static_cast<std::uint64_t>(in.signed_varint());
+  const auto slope = static_cast<std::uint64_t>(prediction == kLine ? in.signed_varint() : 0);
+  if (!in.good() || header.planes > kPlanes || header.raw > header.planes || prediction == kPredictions ||
+      !take_residuals(in, header, values)) {
+    return false;
+  }
+  if (prediction == kNone) {
+    for (std::int64_t& value : values) {
+      value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) + seed);
+    }
+  } else if (prediction == kPrevious) {
+    undo_previous(seed, values);
+  } else {
+    undo_line(seed, slope, values);
+  }
+  return true;
+}
+
+}  // namespace tacho::store
