@@ -124,9 +124,8 @@ std::int64_t BlockScan::row() const {
 
 const Answer& BlockScan::take() {
   const std::int64_t first = row();
-  const auto lane = std::find_if(lanes_.begin(), lanes_.end(), [&](const Lane& l) {
-    return l.next < l.rows.size() && l.rows[l.next] == first;
-  });
+  const auto lane = std::find_if(lanes_.begin(), lanes_.end(),
+                                 [&](const Lane& l) { return l.next < l.rows.size() && l.rows[l.next] == first; });
   std::swap(answer_, lane->answers[lane->next]);
   if (++lane->next == lane->rows.size()) {
     fill(*lane);

@@ -32,9 +32,9 @@ class BlockScan {
   /// One source.
   struct Lane {
     Source source = Source::status;
-    std::deque<BlockRow> blocks;        ///< not yet opened, in order
-    std::vector<std::int64_t> rows;     ///< of the open block, those inside the window
-    std::vector<Answer> answers;        ///< likewise
+    std::deque<BlockRow> blocks;     ///< not yet opened, in order
+    std::vector<std::int64_t> rows;  ///< of the open block, those inside the window
+    std::vector<Answer> answers;     ///< likewise
     std::size_t next = 0;
   };
   const PartHead* head_;

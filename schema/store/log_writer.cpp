@@ -457,7 +457,7 @@ LogWriter::~LogWriter() {
     impl_->urgent = true;
     impl_->commit();
     impl_->parts.close(impl_->hot);
-    impl_->parts.tidy(impl_->repacker, std::nullopt);
+    impl_->parts.tidy(impl_->repacker, kNoDeadline);
   } catch (const Error&) {
     // What was committed is safe; the next opening closes the part.
   }

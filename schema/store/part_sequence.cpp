@@ -91,14 +91,14 @@ void PartSequence::close(const HotLedger& hot) {
   }
 }
 
-void PartSequence::tidy(Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until) {
+void PartSequence::tidy(Repacker& repacker, Deadline until) {
   std::erase_if(left_, [&](Left& left) { return finish(left, repacker, until); });
 }
 
 /// True when nothing is left to do for the part.
-bool PartSequence::finish(Left& left, Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until) {
+bool PartSequence::finish(Left& left, Repacker& repacker, Deadline until) {
   const auto now = std::chrono::steady_clock::now();
-  if (until && (now >= *until || now < left.not_before)) {
+  if (now >= until || (until != kNoDeadline && now < left.not_before)) {
     return false;
   }
   try {

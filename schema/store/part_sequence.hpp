@@ -36,9 +36,9 @@ class PartSequence {
   void next(const Fill& fill, const HotLedger& hot);
   /// The current part is no longer written. All its rows are counted in its coverage.
   void close(const HotLedger& hot);
-  /// Moves what is hot in parts that are no longer written, for some time or to the end, and closes those that no reader
-  /// holds open.
-  void tidy(Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until);
+  /// Moves what is hot in parts that are no longer written, for some time or to the end, and closes those that no
+  /// reader holds open.
+  void tidy(Repacker& repacker, Deadline until);
 
  private:
   std::filesystem::path folder_;
@@ -51,12 +51,12 @@ class PartSequence {
   /// No longer written, not yet closed.
   struct Left {
     std::filesystem::path path;
-    std::optional<HotLedger> hot;  ///< empty: not known yet
+    std::optional<HotLedger> hot;                        ///< empty: not known yet
     std::chrono::steady_clock::time_point not_before{};  ///< a reader held it open at the last try
   };
   std::vector<Left> left_;
 
-  bool finish(Left& left, Repacker& repacker, std::optional<std::chrono::steady_clock::time_point> until);
+  bool finish(Left& left, Repacker& repacker, Deadline until);
   void find_newest(const std::vector<PartFile>& files);
 };
 

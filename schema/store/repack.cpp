@@ -147,7 +147,7 @@ void Repacker::move(PartWriter& part, const StreamKey& key, std::span<const std:
   flush();
 }
 
-bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, std::chrono::steady_clock::time_point until) {
+bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, Deadline until) {
   while (const std::optional<StreamKey> key = ledger.any()) {
     part.begin();
     try {

@@ -61,8 +61,11 @@ class Repacker {
   int level_;
 };
 
+using Deadline = std::chrono::steady_clock::time_point;
+inline constexpr Deadline kNoDeadline = Deadline::max();
+
 /// Moves hot rows of a part that is no longer written, stream by stream in transactions of their own, until `until` has
 /// passed. True when none are left.
-bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, std::chrono::steady_clock::time_point until);
+bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, Deadline until);
 
 }  // namespace tacho::store

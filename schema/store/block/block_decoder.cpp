@@ -190,6 +190,11 @@ std::string BlockDecoder::times(std::vector<std::uint64_t>& seq, std::vector<Mic
   return "";
 }
 
+std::string BlockDecoder::places(std::vector<std::int64_t>& places) {
+  reader_.set_budget(kBlockBudget);
+  return load_values(kPlaceColumn, places) ? "" : "places of the rows are damaged";
+}
+
 bool BlockDecoder::load_raw(LoadedColumn& raw) {
   std::size_t number = 0;
   const ColumnEntry* const entry = directory_.find(kRawColumn, number);

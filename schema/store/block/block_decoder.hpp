@@ -66,6 +66,9 @@ class BlockDecoder {
   [[nodiscard]] std::string times(std::vector<std::uint64_t>& seq, std::vector<Micros>& t_send_us,
                                   std::vector<Micros>& t_recv_us);
 
+  /// Places of all rows, as they were given to the encoder. Returns damage.
+  [[nodiscard]] std::string places(std::vector<std::int64_t>& places);
+
   /// Yields every answer that can be put together, in order, with its row. Returns damage: what was left out and why.
   [[nodiscard]] std::string answers(const std::function<void(std::size_t row, const Answer&)>& yield);
 

@@ -90,13 +90,14 @@ BlockEncoder::BlockEncoder(const BlockOptions& options) : options_(options) {
   options_.rows = std::clamp<std::size_t>(options_.rows, 1, kMaxBlockRows);
 }
 
-bool BlockEncoder::add(const Answer& answer) {
+bool BlockEncoder::add(const Answer& answer, std::int64_t place) {
   const bool full = answers_.size() >= options_.rows || bytes_ + answer.body.size() > kFullBytes;
   if (!answers_.empty() && (full || !same_stream(answers_.front().meta, answer.meta))) {
     return false;
   }
   bytes_ += answer.body.size();
   answers_.push_back(answer);
+  places_.push_back(place);
   return true;
 }
 
@@ -122,6 +123,7 @@ std::string BlockEncoder::finish() {
   }
   stats_.unlike_rows = unlike_rows;
   answers_.clear();
+  places_.clear();
   bytes_ = 0;
   return block;
 }
@@ -152,6 +154,7 @@ std::string BlockEncoder::build(const std::vector<bool>& keep_raw) {
   columns[kShapeColumn] = writer.encode_values(sorter.shape_of_row());
   columns[kHeaderColumn] = encode_texts(writer, headers);
   columns[kRawColumn] = encode_texts(writer, sorter.raw());
+  columns[kPlaceColumn] = writer.encode_values(places_);
   for (std::size_t c = 0; c < sorter.texts().size(); ++c) {
     columns.push_back(writer.encode(sorter.texts()[c], sorter.table().columns()[c].type));
   }

@@ -32,8 +32,9 @@ class BlockEncoder {
   explicit BlockEncoder(const BlockOptions& options = {});
 
   /// False, and nothing is taken: the answer is of another stream (robot, source, session) than those before, or the
-  /// block is full. Call finish() and add it again. The first answer of a block is always taken.
-  [[nodiscard]] bool add(const Answer& answer);
+  /// block is full. Call finish() and add it again. The first answer of a block is always taken. `place`: a number of
+  /// the caller's, kept with the answer (its place among all answers of the part).
+  [[nodiscard]] bool add(const Answer& answer, std::int64_t place = 0);
   [[nodiscard]] std::size_t rows() const { return answers_.size(); }
 
   /// The block of the answers added, which are then forgotten. Empty when there were none.
@@ -50,6 +51,7 @@ class BlockEncoder {
  private:
   BlockOptions options_;
   std::vector<Answer> answers_;
+  std::vector<std::int64_t> places_;
   std::size_t bytes_ = 0;
   Stats stats_;
 

@@ -36,7 +36,8 @@ enum RowColumn : std::uint8_t {
   kRoundTripColumn,  ///< t_recv less t_send
   kShapeColumn,      ///< 0: kept raw, else number of the shape from 1
   kHeaderColumn,
-  kRawColumn,  ///< bodies of the rows kept raw
+  kRawColumn,    ///< bodies of the rows kept raw
+  kPlaceColumn,  ///< place among all answers of the part
   kRowColumns
 };
 

@@ -180,7 +180,7 @@ constexpr std::array<Merge, kPlanes + 1> kMerge{merge<0>, merge<1>, merge<2>, me
 void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, std::vector<std::int64_t>& values) {
   std::size_t next = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::uint64_t bit = static_cast<unsigned char>(bitmap[i / 8]) >> (i % 8) & 1U;
+    const std::uint64_t bit = static_cast<unsigned>(static_cast<unsigned char>(bitmap[i / 8])) >> (i % 8) & 1U;
     values[i] = static_cast<std::int64_t>(others[next] & (0 - bit));
     next += bit;
   }
