@@ -100,6 +100,7 @@ struct Coverage {
   Micros last_us = 0;
   Micros period_us = 0;  ///< planned period of the last session
   FieldSet seen;         ///< fields that were ever not absent
+  FieldSet valued;       ///< of them, fields that ever were present, see Sample::valued()
 };
 
 struct UnknownKey {

@@ -96,4 +96,12 @@ FieldSet Sample::seen() const {
   return set;
 }
 
+FieldSet Sample::valued() const {
+  FieldSet set;
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    set[i] = cells[i].has();
+  }
+  return set;
+}
+
 }  // namespace tacho

@@ -120,6 +120,9 @@ struct Sample {
   }
   /// Fields whose state is not absent.
   [[nodiscard]] FieldSet seen() const;
+  /// Fields that are present. Not those that are not meaningful: under a condition that is false or unknown nobody can
+  /// tell a value from the mark for "no sensor", and a source that never knows the condition never has a usable value.
+  [[nodiscard]] FieldSet valued() const;
 };
 
 /// The last known value of the flags that conditions name, carried from the `inputs` source to the `registers` source,

@@ -115,7 +115,8 @@ void read_ends(Connection& connection, PartHead& head) {
   end_of("clock", head.ends.clock);
 }
 
-/// Counts what can really be read. What was seen, and which answers were undecodable, stays as the writer noted it.
+/// Counts what can really be read. What was seen and valued, and which answers were undecodable, stays as the writer
+/// noted it.
 void count_again(Connection& connection, PartHead& head) {
   StreamCounts counts;
   HotScan scan(connection, head.vocabulary, head.ends.hot, [](std::int64_t, std::int64_t, const std::string&) {});
@@ -127,6 +128,7 @@ void count_again(Connection& connection, PartHead& head) {
   }
   for (auto& [key, count] : counts) {
     count.seen = head.counts[key].seen;
+    count.valued = head.counts[key].valued;
     count.undecodable = head.counts[key].undecodable;
   }
   head.counts = std::move(counts);

@@ -1,4 +1,5 @@
 #include "analyzer/analysis.hpp"
+#include "analyzer/commands/info.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/memory_log.hpp"
 
@@ -81,6 +82,43 @@ TEST_CASE("a field is read from the best source that ever gave it") {
   CHECK_FALSE(context.choose({field("odo"), {Source::status, Source::registers}}));
   CHECK(context.find(Source::status)->stored == 10);
   CHECK(context.find(Source::io) == nullptr);
+}
+
+TEST_CASE("a source that has a field but never a value of it does not hide one that has") {
+  RobotContext context;
+  Coverage status;
+  status.source = Source::status;
+  status.stored = 10;
+  status.seen.set(field("battery_temp")).set(field("voltage"));
+  Coverage registers = status;
+  registers.source = Source::registers;
+  registers.valued.set(field("voltage"));
+  context.coverage = {status, registers};
+  const std::vector<Source> both{Source::status, Source::registers};
+  CHECK(context.choose({field("voltage"), both}) == Source::registers);
+  CHECK(context.choose({field("battery_temp"), both}) == Source::status);  // no source has a value: the best of them
+  context.coverage[0].valued.set(field("voltage"));
+  CHECK(context.choose({field("voltage"), both}) == Source::status);
+}
+
+TEST_CASE("info tells fields that were never there from fields that never had a value") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  Sample& row = log.row(robot, Source::status, 0);
+  MemoryLog::set(row, "x", 1.0);
+  MemoryLog::set_state(row, "battery_temp", State::null);
+  MemoryLog::set_state(row, "block_reason", State::not_meaningful);
+  const Section section = commands::info(log, log.robots(), nullptr);
+  const auto table = std::find_if(section.tables.begin(), section.tables.end(),
+                                  [](const DataTable& t) { return t.name == "never_seen"; });
+  REQUIRE(table != section.tables.end());
+  REQUIRE(table->rows.size() == 1);
+  const auto text = [&](std::size_t column) { return std::get<std::string>(table->rows[0][column]); };
+  CHECK(text(4).find("battery_temp") == std::string::npos);
+  CHECK(text(4).find("voltage") != std::string::npos);
+  CHECK(std::get<std::int64_t>(table->rows[0][5]) == 2);
+  CHECK(text(6).find("battery_temp") != std::string::npos);
+  CHECK(text(6).find("block_reason") != std::string::npos);
 }
 
 TEST_CASE("robots are folded apart and merged in the order of their ids") {

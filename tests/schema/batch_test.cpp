@@ -39,6 +39,18 @@ TEST_CASE("a batch keeps the five ways of having no value apart, and zero") {
   });
 }
 
+TEST_CASE("of all states only present counts as having a value") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("A");
+  for (const State state : {State::null, State::not_meaningful, State::not_supplied, State::wrong_type}) {
+    log.set_state(log.row(robot, Source::status, 1.0), "block_reason", state);
+  }
+  CHECK(log.coverage().at(0).seen.test(field("block_reason")));
+  CHECK(log.coverage().at(0).valued.none());
+  log.set_state(log.row(robot, Source::status, 2.0), "block_reason", State::present);
+  CHECK(log.coverage().at(0).valued.test(field("block_reason")));
+}
+
 TEST_CASE("rows, texts and alarms come out of a batch as they went in, however it is cut into slices") {
   for (const std::size_t slice_rows : {0u, 1u, 3u, 7u}) {
     MemoryLog log;
