@@ -82,6 +82,7 @@ void Sample::clear() {
   meta = {};
   cells.fill(Cell{});
   alarms.clear();
+  alarms_incomplete.reset();
   points.clear();
   unknown_keys.clear();
   texts.clear();

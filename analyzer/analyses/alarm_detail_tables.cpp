@@ -199,7 +199,7 @@ std::vector<ColumnSpec> interval_columns() {
           {"onset", "", "seen, inferred, in_gap, before_record"},
           {"clear", "", "seen, inferred, in_gap, censored, open"},
           {"over_gap", "", "Stood over a gap: proven by its stamp, assumed, or no"},
-          {"censored_set", "", "Seen in a full register set: bounds only"},
+          {"censored_set", "", "Seen in a full register set, or beside elements that could not be read: bounds only"},
           {"repeats", "", "Growth of `times`"},
           {"robot_stamp_s", "s", "The robot's own stamp, unix seconds of the robot's clock"},
           {"stamped", "", "Onset narrowed by the robot's stamp"},

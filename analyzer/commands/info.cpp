@@ -185,7 +185,7 @@ DataTable unknown_table(const RowSource& log, const std::vector<Robot>& robots) 
                   "Unknown keys (kept in the answers, not decoded)",
                   {{"robot", "", "robot"},
                    {"source", "", "source"},
-                   {"key", "", "path in the JSON answer"},
+                   {"key", "", "path in the JSON answer; errors[] = an element of the list that could not be read"},
                    {"first", "", "first seen", false, true}},
                   {},
                   false};

@@ -289,3 +289,32 @@ TEST_CASE("an input that several sources report, or an event names, is told once
   CHECK(told(section) == 1);
   CHECK(about(table(section, "timeline"), "digital_input DI 3").size() == 1);
 }
+
+TEST_CASE("an alarm array that is missing or cannot be read in full clears nothing in the time line") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t < 40; ++t) {
+    Sample& s = log.row(robot, Source::status, t);
+    MemoryLog::no_alarms(s);
+    if (t == 15) {
+      s.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::error));
+    } else if (t == 20) {
+      MemoryLog::set_state(s, "errors", State::wrong_type);
+    } else if (t >= 10 && t < 30) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52201, 0);
+    }
+  }
+  const Section section = run(log, 20.5);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "error 52201");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(line, rows[0], "new") == "raised");
+  CHECK(text(line, rows[1], "new") == "cleared");
+  CHECK(time_of(line, rows[1], "hull_from") == MemoryLog::micros(29.0));
+  CHECK(time_of(line, rows[1], "t") == MemoryLog::micros(30.004));
+  const DataTable& state = table(section, "state");
+  CHECK(std::any_of(state.rows.begin(), state.rows.end(), [&](const std::vector<Value>& row) {
+    const auto* value = std::get_if<std::string>(&row[column(state, "value")]);
+    return value != nullptr && *value == "error 52201";
+  }));
+}

@@ -64,6 +64,7 @@ TEST_CASE("rows, texts and alarms come out of a batch as they went in, however i
       for (int k = 0; k < i % 4; ++k) {
         MemoryLog::alarm(row, AlarmLevel::error, 52000 + k, 100 + i);
       }
+      row.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::warning), i % 5 == 0);
     }
     Selection selection;
     for (const FieldIndex f : {field("x"), field("current_station"), field("errors")}) {
@@ -78,6 +79,8 @@ TEST_CASE("rows, texts and alarms come out of a batch as they went in, however i
         CHECK(batch.text(*batch.find(field("current_station")), i) == "LM" + std::to_string(n % 3));
         const auto alarms = batch.alarms_of(i);
         REQUIRE(alarms.size() == n % 4);
+        CHECK(batch.incomplete(i, AlarmLevel::warning) == (n % 5 == 0));
+        CHECK_FALSE(batch.incomplete(i, AlarmLevel::error));
         for (std::size_t k = 0; k < alarms.size(); ++k) {
           CHECK(alarms[k].code == static_cast<std::int64_t>(52000 + k));
         }
