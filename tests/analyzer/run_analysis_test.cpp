@@ -176,3 +176,66 @@ TEST_CASE("a log without robots still gets an answer from every analysis") {
     }
   }
 }
+
+namespace {
+
+/// 26 hours in which something of everything happens: a stale alarm, a flood, a block, a charge, a jump.
+MemoryLog eventful_robot() {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  log.period(robot, Source::status, 60.0);
+  for (int i = 0; i < 26 * 60; ++i) {
+    Sample& s = log.row(robot, Source::status, 60.0 * i);
+    const bool blocked = i >= 200 && i < 203;
+    const bool charging = i % 480 >= 300 && i % 480 < 420;
+    MemoryLog::no_alarms(s);
+    MemoryLog::set(s, "x", (i < 500 ? 0.0 : 3.0) + 0.1 * (i % 60));
+    MemoryLog::set(s, "y", 0.0);
+    MemoryLog::set(s, "angle", 0.0);
+    MemoryLog::set(s, "vx", blocked ? 0.0 : 0.5);
+    MemoryLog::set(s, "vy", 0.0);
+    MemoryLog::set(s, "w", 0.0);
+    MemoryLog::set(s, "odo", 100.0 + 6.0 * i);
+    MemoryLog::set(s, "confidence", 0.9);
+    MemoryLog::set(s, "uptime", 60.0 * i);
+    MemoryLog::set(s, "battery_level", charging ? 0.3 + 0.005 * (i % 480 - 300) : 0.9 - 0.002 * (i % 480));
+    MemoryLog::set(s, "current", charging ? 20.0 : -5.0);
+    MemoryLog::set(s, "voltage", 50.0);
+    MemoryLog::set_int(s, "charging", charging ? 1 : 0);
+    MemoryLog::set_int(s, "blocked", blocked ? 1 : 0);
+    MemoryLog::set_int(s, "task_status", 2);
+    MemoryLog::set_text(s, "current_map", "hall");
+    if (i >= 10) {
+      MemoryLog::alarm(s, AlarmLevel::warning, 54001, 0);
+    }
+    for (int code = 0; i >= 100 && i < 103 && code < 20; ++code) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52000 + code, 0);
+    }
+  }
+  return log;
+}
+
+}  // namespace
+
+TEST_CASE("every column that holds times says so, so that a table without rows has the same header") {
+  MemoryLog log = eventful_robot();
+  std::vector<std::string> filled;
+  for (const AnalysisSpec& spec : analyses()) {
+    for (const DataTable& table : run_analysis(spec, log, {}, {}, "UTC", {}).tables) {
+      for (const std::vector<Value>& row : table.rows) {
+        for (std::size_t c = 0; c < row.size(); ++c) {
+          if (std::holds_alternative<Time>(row[c])) {
+            INFO(spec.name << " " << table.name << " " << table.columns[c].name);
+            REQUIRE(table.columns[c].time);
+            filled.push_back(table.name);
+          }
+        }
+      }
+    }
+  }
+  for (const char* name : {"floods", "standing", "intervals", "episodes", "charge_sessions", "equivalent_full_cycles",
+                           "battery_fields", "segments"}) {
+    INFO(name);
+    CHECK(std::find(filled.begin(), filled.end(), name) != filled.end());
+  }
+}
