@@ -88,11 +88,13 @@ const Coverage* RobotContext::find(Source source) const {
 }
 
 std::optional<Source> RobotContext::choose(const Need& need) const {
-  for (const Source source : need.sources) {
-    const Coverage* c = find(source);
-    if (c != nullptr && c->stored > 0 && c->seen.test(need.field) && c->last_us >= window.from_us &&
-        c->first_us < window.to_us) {
-      return source;
+  for (const FieldSet Coverage::*given : {&Coverage::valued, &Coverage::seen}) {
+    for (const Source source : need.sources) {
+      const Coverage* c = find(source);
+      if (c != nullptr && c->stored > 0 && (c->*given).test(need.field) && c->last_us >= window.from_us &&
+          c->first_us < window.to_us) {
+        return source;
+      }
     }
   }
   return std::nullopt;

@@ -24,7 +24,8 @@ struct RobotContext {
   const Settings* settings = nullptr;  ///< outlives the analysis
 
   [[nodiscard]] const Coverage* find(Source source) const;
-  /// The best source of the need that this robot's log has rows of and that ever gave the field; empty when none.
+  /// The best source of the need that this robot's log has rows of and that ever gave the field a value. When none did,
+  /// the best one that ever had the field at all (null, "no sensor", not meaningful); empty when none.
   [[nodiscard]] std::optional<Source> choose(const Need& need) const;
 };
 

@@ -57,6 +57,7 @@ void BatchBuilder::append(const Sample& sample) {
       batch_.alarms.push_back(item);
     }
     batch_.alarm_begin.push_back(static_cast<std::uint32_t>(batch_.alarms.size()));
+    batch_.alarms_incomplete.push_back(sample.alarms_incomplete);
   }
   if (points_) {
     for (IoPoint point : sample.points) {

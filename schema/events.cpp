@@ -23,8 +23,10 @@ constexpr double kUptimeToleranceS = 1.0;
 constexpr double kLongestUptimeS = 1e10;        // 300 years: more is no uptime
 constexpr std::size_t kUnknownKeyEvents = 200;  // a robot that makes up keys must not fill the log
 constexpr Micros kPointSilenceUs = 3'000'000;
+constexpr std::size_t kCarriedAlarms = 1000;  // nor may one that makes up alarms fill the memory
 
-constexpr std::array<FieldIndex, 4> kAlarmFields{field("fatals"), field("errors"), field("warnings"), field("notices")};
+constexpr std::array<FieldIndex, kAlarmLevels> kAlarmFields{field("fatals"), field("errors"), field("warnings"),
+                                                            field("notices")};
 constexpr FieldIndex kUptime = field("uptime");
 
 struct PointKey {
@@ -111,12 +113,12 @@ struct Known {
 struct Standing {
   std::int64_t times = 1;
   std::int64_t stamp_s = 0;
+  Micros t_us = 0;  // request of the last answer that showed it
   std::string desc;
 };
 
 struct Level {
-  bool known = false;
-  Micros t_us = 0;
+  std::optional<Micros> whole_t_us;         // request of the last answer that told all alarms of the level
   std::map<std::int64_t, Standing> alarms;  // by code
 };
 
@@ -145,6 +147,7 @@ std::map<std::int64_t, Standing> standing_alarms(const Sample& sample, AlarmLeve
       found->second.times = std::max(found->second.times, item.times);
       if (is_new) {
         found->second.stamp_s = item.stamp_s;
+        found->second.t_us = sample.meta.t_send_us;
         found->second.desc = sample.texts.at(item.desc);
       }
     }
@@ -244,36 +247,38 @@ struct EventMachine::Impl {
   }
 
   static void alarm_edges(const Step& step, AlarmLevel level, Level& before, std::map<std::int64_t, Standing> now) {
-    const auto event = [&](EventKind kind, std::int64_t code, std::string old_value, std::string new_value,
-                           const std::string& desc) {
-      const std::optional<Micros> from = before.known ? std::optional<Micros>(before.t_us) : std::nullopt;
-      step.event(kind, from, fmt::format("{} {}", alarm_level_name(level), code), std::move(old_value),
-                 std::move(new_value), desc);
-    };
-    const auto raised = [&](std::int64_t code, const Standing& alarm) {
-      event(EventKind::alarm_raised, code, before.known ? "0" : "", std::to_string(alarm.times), alarm.desc);
+    const auto event = [&](EventKind kind, std::int64_t code, std::optional<Micros> from, const std::string& old_value,
+                           const std::string& new_value, const std::string& desc) {
+      step.event(kind, from, fmt::format("{} {}", alarm_level_name(level), code), old_value, new_value, desc);
     };
     const auto cleared = [&](std::int64_t code, const Standing& alarm) {
-      event(EventKind::alarm_cleared, code, std::to_string(alarm.times), "0", alarm.desc);
+      event(EventKind::alarm_cleared, code, alarm.t_us, std::to_string(alarm.times), "0", alarm.desc);
     };
+    const bool whole = !step.sample.alarms_incomplete[static_cast<std::size_t>(level)];
     for (const auto& [code, alarm] : before.alarms) {
-      if (now.count(code) == 0) {
+      if (now.count(code) == 0 && whole) {
         cleared(code, alarm);
       }
     }
     for (const auto& [code, alarm] : now) {
+      const std::string times = std::to_string(alarm.times);
       const auto found = before.alarms.find(code);
       if (found == before.alarms.end()) {
-        raised(code, alarm);
+        event(EventKind::alarm_raised, code, before.whole_t_us, before.whole_t_us ? "0" : "", times, alarm.desc);
       } else if (restarted(found->second, alarm)) {
         cleared(code, found->second);
-        raised(code, alarm);
+        event(EventKind::alarm_raised, code, found->second.t_us, "0", times, alarm.desc);
       } else if (alarm.times != found->second.times) {
-        event(EventKind::alarm_repeated, code, std::to_string(found->second.times), std::to_string(alarm.times),
+        event(EventKind::alarm_repeated, code, found->second.t_us, std::to_string(found->second.times), times,
               alarm.desc);
       }
     }
-    before = {true, step.sample.meta.t_send_us, std::move(now)};
+    if (whole) {
+      before.whole_t_us = step.sample.meta.t_send_us;
+    } else if (now.size() + before.alarms.size() <= kCarriedAlarms) {
+      now.merge(before.alarms);  // those that this answer does not show may stand among what could not be read
+    }
+    before.alarms = std::move(now);
   }
 
   void digital_points(const Step& step) {

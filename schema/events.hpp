@@ -15,7 +15,9 @@
 // Alarms: key (level, code), subject "error 52201", values are the `times` counter (1 when the robot gives none, 0
 // while the alarm is absent), detail is the description. `times` growing is a repetition; `times` falling, or another
 // stamp with the same `times`, means cleared and raised again between two answers. Elements with the same key are one
-// alarm with the largest `times`.
+// alarm with the largest `times`. An array with elements that could not be read (Sample::alarms_incomplete) raises and
+// repeats alarms but clears none, and does not prove that an alarm raised later was absent: t_from_us is then the
+// request of the last whole array.
 //
 // Unknown keys: one event per source and key, at most 200 keys per source; subject is the key.
 //

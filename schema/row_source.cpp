@@ -18,6 +18,10 @@ std::span<const AlarmItem> Batch::alarms_of(std::size_t row) const {
   return std::span(alarms).subspan(alarm_begin[row], alarm_begin[row + 1] - alarm_begin[row]);
 }
 
+bool Batch::incomplete(std::size_t row, AlarmLevel level) const {
+  return row < alarms_incomplete.size() && alarms_incomplete[row][static_cast<std::size_t>(level)];
+}
+
 std::span<const IoPoint> Batch::points_of(std::size_t row) const {
   if (point_begin.empty()) {
     return {};

@@ -31,10 +31,11 @@ struct Batch {
   std::vector<std::uint64_t> seq;
   std::vector<Micros> t_send_us;
   std::vector<Micros> t_recv_us;
-  std::vector<Column> columns;             ///< only the fields asked for
-  std::vector<AlarmItem> alarms;           ///< filled when one of fatals / errors / warnings / notices was asked for
-  std::vector<std::uint32_t> alarm_begin;  ///< row i has alarms [alarm_begin[i], alarm_begin[i+1])
-  std::vector<IoPoint> points;             ///< filled when DI or DO was asked for
+  std::vector<Column> columns;              ///< only the fields asked for
+  std::vector<AlarmItem> alarms;            ///< filled when one of fatals / errors / warnings / notices was asked for
+  std::vector<std::uint32_t> alarm_begin;   ///< row i has alarms [alarm_begin[i], alarm_begin[i+1])
+  std::vector<LevelSet> alarms_incomplete;  ///< by row, filled like alarms; see incomplete()
+  std::vector<IoPoint> points;              ///< filled when DI or DO was asked for
   std::vector<std::uint32_t> point_begin;
   TextPool texts;
 
@@ -48,6 +49,9 @@ struct Batch {
     return texts.at(static_cast<std::uint32_t>(column.integer[row]));
   }
   [[nodiscard]] std::span<const AlarmItem> alarms_of(std::size_t row) const;
+  /// The array of this level is present in the row, with elements that could not be read: an alarm that is not among
+  /// alarms_of(row) may stand all the same.
+  [[nodiscard]] bool incomplete(std::size_t row, AlarmLevel level) const;
   [[nodiscard]] std::span<const IoPoint> points_of(std::size_t row) const;
 };
 
@@ -100,6 +104,7 @@ struct Coverage {
   Micros last_us = 0;
   Micros period_us = 0;  ///< planned period of the last session
   FieldSet seen;         ///< fields that were ever not absent
+  FieldSet valued;       ///< of them, fields that ever were present, see Sample::valued()
 };
 
 struct UnknownKey {

@@ -82,6 +82,7 @@ void Sample::clear() {
   meta = {};
   cells.fill(Cell{});
   alarms.clear();
+  alarms_incomplete.reset();
   points.clear();
   unknown_keys.clear();
   texts.clear();
@@ -92,6 +93,14 @@ FieldSet Sample::seen() const {
   FieldSet set;
   for (std::size_t i = 0; i < kFieldCount; ++i) {
     set[i] = cells[i].state != State::absent;
+  }
+  return set;
+}
+
+FieldSet Sample::valued() const {
+  FieldSet set;
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    set[i] = cells[i].has();
   }
   return set;
 }

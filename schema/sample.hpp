@@ -2,6 +2,7 @@
 // One stored answer (Answer) and one decoded answer (Sample).
 
 #include <array>
+#include <bitset>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -61,6 +62,9 @@ struct Cell {
 };
 
 enum class AlarmLevel : std::uint8_t { fatal, error, warning, notice };
+inline constexpr std::size_t kAlarmLevels = 4;
+/// A set of alarm levels, one bit each.
+using LevelSet = std::bitset<kAlarmLevels>;
 std::string_view alarm_level_name(AlarmLevel level);
 
 /// One element of fatals / errors / warnings / notices. Text members are ids into the sample's or batch's texts, 0 =
@@ -108,6 +112,7 @@ struct Sample {
   AnswerMeta meta;
   std::array<Cell, kFieldCount> cells;
   std::vector<AlarmItem> alarms;          ///< all four levels, in the order of the answer
+  LevelSet alarms_incomplete;             ///< levels with elements that could not be read: `alarms` has the others only
   std::vector<IoPoint> points;            ///< DI then DO
   std::vector<std::string> unknown_keys;  ///< paths no field names, sorted, each once
   TextPool texts;
@@ -120,6 +125,9 @@ struct Sample {
   }
   /// Fields whose state is not absent.
   [[nodiscard]] FieldSet seen() const;
+  /// Fields that are present. Not those that are not meaningful: under a condition that is false or unknown nobody can
+  /// tell a value from the mark for "no sensor", and a source that never knows the condition never has a usable value.
+  [[nodiscard]] FieldSet valued() const;
 };
 
 /// The last known value of the flags that conditions name, carried from the `inputs` source to the `registers` source,

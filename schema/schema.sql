@@ -47,7 +47,7 @@ CREATE TABLE stream (
 
 -- every field the decoder knows; names are the identity of a column
 CREATE TABLE field (
-  id INTEGER PRIMARY KEY,                  -- row of the field table; bit in coverage.seen
+  id INTEGER PRIMARY KEY,                  -- row of the field table; bit in coverage.seen and coverage.valued
   name TEXT NOT NULL,                      -- canonical name
   kind TEXT NOT NULL,                      -- code list kind
   unit TEXT NOT NULL,                      -- SI unit
@@ -86,6 +86,7 @@ CREATE TABLE coverage (
   last_us INTEGER NOT NULL,                -- largest send time, also of earlier parts when stored is 0
   next_seq INTEGER NOT NULL,               -- number after the last stored poll; 0: none stored
   seen BLOB NOT NULL,                      -- bit field.id (lowest first): the field was ever not absent
+  valued BLOB NOT NULL,                    -- bit field.id (lowest first): the field ever had a value (state present)
   PRIMARY KEY (session, robot, source)
 ) STRICT, WITHOUT ROWID;
 

@@ -111,7 +111,7 @@ std::vector<ColumnSpec> code_columns() {
           {"fleeting_sure", "", "Surely fleeting"},
           {"fleeting_possible", "", "Possibly fleeting"},
           {"stale_sure", "", "Surely stale"},
-          {"censored_set", "", "Seen in a full register set: bounds only"}};
+          {"censored_set", "", "Seen in a full register set, or beside elements that could not be read: bounds only"}};
 }
 
 std::vector<Value> code_cells(const CodeSum& c, double all_raises, bool has_odo) {

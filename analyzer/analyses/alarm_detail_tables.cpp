@@ -19,8 +19,8 @@ DataTable flood_table(const AlarmData& data) {
   table.name = "floods";
   table.title = "Alarm floods";
   table.columns = {{"robot", "", "Robot; all = as one operator sees them"},
-                   {"from", "", "Raise that made it a flood"},
-                   {"to", "", "When fewer were left in the window"},
+                   {"from", "", "Raise that made it a flood", false, true},
+                   {"to", "", "When fewer were left in the window", false, true},
                    {"duration_s", "s", "Length"},
                    {"raises", "", "Alarms in it"},
                    {"peak", "", "Most in one window"},
@@ -68,14 +68,15 @@ DataTable standing_table(const AlarmData& data) {
   DataTable table;
   table.name = "standing";
   table.title = "Stale alarms and alarms standing at the end";
-  table.columns = {{"robot", "", "Robot"},
-                   {"level", "", "Level of the alarm array"},
-                   {"code", "", "Alarm code"},
-                   {"since", "", "Latest possible onset; for one that stood in the first poll the first sight of it"},
-                   {"seen_until", "", "Last sight"},
-                   {"at_least_h", "h", "Surely active for"},
-                   {"stale", "", "Longer than the limit for stale alarms"},
-                   {"open", "", "Standing at the end of the record"}};
+  table.columns = {
+      {"robot", "", "Robot"},
+      {"level", "", "Level of the alarm array"},
+      {"code", "", "Alarm code"},
+      {"since", "", "Latest possible onset; for one that stood in the first poll the first sight of it", false, true},
+      {"seen_until", "", "Last sight", false, true},
+      {"at_least_h", "h", "Surely active for"},
+      {"stale", "", "Longer than the limit for stale alarms"},
+      {"open", "", "Standing at the end of the record"}};
   for (const RobotAlarms& robot : data.robots) {
     for (const AlarmInterval& a : robot.intervals()) {
       const bool is_stale = a.duration_lo_s() > data.rules.stale_s;
@@ -190,16 +191,16 @@ std::vector<ColumnSpec> interval_columns() {
           {"level", "", "Level of the alarm array"},
           {"code", "", "Alarm code"},
           {"description", "", "The robot's last words for it"},
-          {"onset_lo", "", "Raised after this time; empty: not bounded"},
-          {"onset_hi", "", "Raised at this time or before"},
-          {"clear_lo", "", "Stood at this time"},
-          {"clear_hi", "", "Cleared at this time or before; empty: standing at the end"},
+          {"onset_lo", "", "Raised after this time; empty: not bounded", false, true},
+          {"onset_hi", "", "Raised at this time or before", false, true},
+          {"clear_lo", "", "Stood at this time", false, true},
+          {"clear_hi", "", "Cleared at this time or before; empty: standing at the end", false, true},
           {"duration_lo_s", "s", "Shortest possible duration"},
           {"duration_hi_s", "s", "Longest possible duration; empty: not bounded"},
           {"onset", "", "seen, inferred, in_gap, before_record"},
           {"clear", "", "seen, inferred, in_gap, censored, open"},
           {"over_gap", "", "Stood over a gap: proven by its stamp, assumed, or no"},
-          {"censored_set", "", "Seen in a full register set: bounds only"},
+          {"censored_set", "", "Seen in a full register set, or beside elements that could not be read: bounds only"},
           {"repeats", "", "Growth of `times`"},
           {"robot_stamp_s", "s", "The robot's own stamp, unix seconds of the robot's clock"},
           {"stamped", "", "Onset narrowed by the robot's stamp"},

@@ -19,8 +19,6 @@
 
 namespace tacho {
 
-inline constexpr std::size_t kAlarmLevels = 4;
-
 /// What makes two sightings the same kind of alarm.
 struct AlarmKey {
   AlarmLevel level = AlarmLevel::fatal;
@@ -28,7 +26,8 @@ struct AlarmKey {
   friend auto operator<=>(const AlarmKey&, const AlarmKey&) = default;
 };
 
-/// One poll. For the input registers, which show only the first codes, `full` says that there may be more.
+/// One poll. `full` says that there may be more alarms than `items`: the input registers show only the first codes, and
+/// an array may hold elements that could not be read.
 struct AlarmPoll {
   struct Item {
     std::int64_t code = 0;
@@ -81,7 +80,7 @@ struct AlarmInterval {
   std::int64_t repeats = 0;      ///< sum of positive steps of `times`
   bool over_gap = false;         ///< goes on over a gap, proven by its stamp
   bool assumed_one = false;      ///< goes on over a gap, without a stamp to prove it
-  bool censored_set = false;     ///< the register set was full: bounds, not sightings
+  bool censored_set = false;     ///< its set was full once: bounds, not sightings
   bool stamped = false;          ///< onset narrowed by the robot's stamp
   double stopped_s = 0.0;        ///< stopped time attributed, shared equally between simultaneous alarms
   double stopped_first_s = 0.0;  ///< the same, all of it to the alarm that stood first
@@ -133,7 +132,7 @@ class AlarmTracker {
     std::size_t interval = 0;
     std::int64_t stamp_s = 0;
     std::int64_t times = 0;
-    bool hidden = false;  // not in the full register set, perhaps still standing
+    bool hidden = false;  // not in the full set, perhaps still standing
     bool seen = false;    // in the poll being worked on
   };
   struct LevelState {

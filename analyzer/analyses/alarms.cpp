@@ -199,6 +199,7 @@ void Alarms::read_arrays(const Batch& batch, std::size_t row) {
   for (std::size_t l = 0; l < kAlarmLevels; ++l) {
     const Column* column = batch.find(kArrays[l]);
     poll_.levels[l].known = column != nullptr && column->has(row);
+    poll_.levels[l].full = batch.incomplete(row, static_cast<AlarmLevel>(l));
   }
   for (const AlarmItem& item : batch.alarms_of(row)) {
     AlarmPoll::Level& level = poll_.levels[static_cast<std::size_t>(item.level)];

@@ -30,8 +30,8 @@ void efc_table(Section& section, const Robots& robots) {
       "equivalent_full_cycles", "Equivalent full cycles",
       {kRobot,
        kPack,
-       {"from", "", "First reading", false},
-       {"to", "", "Last reading", false},
+       {"from", "", "First reading", false, true},
+       {"to", "", "Last reading", false, true},
        {"efc", "1", "By SoC with what gaps hid; limits for rounding, hysteresis, polling and gaps", true},
        {"efc_by_charge", "1", "(discharged + charged) / (2 nominal capacity), observed time only", true},
        {"efc_by_soc", "1", "Half the variation of SoC after hysteresis, gaps bridged by their change of SoC", false},
@@ -194,7 +194,7 @@ void fields_table(Section& section, const Robots& robots) {
                             {"source", "", "Used here", false},
                             {"answers", "", "Of that source", false},
                             {"given", "%", "With a usable value", false},
-                            {"last_given", "", "", false},
+                            {"last_given", "", "", false, true},
                             {"remark", "", "", false}});
   for (const std::unique_ptr<RobotFold>& fold : robots) {
     for (const Item item : {Item::level, Item::voltage, Item::current, Item::charging, Item::temp, Item::counter,

@@ -243,10 +243,10 @@ DataTable episode_table(const BlockageData& data) {
   table.title = "Every blocked episode";
   table.detail = true;
   table.columns = {{"robot", "", "Robot"},
-                   {"onset_lo", "", "Blocked after this time; empty: not bounded"},
-                   {"onset_hi", "", "Blocked at this time"},
-                   {"end_lo", "", "Still blocked at this time"},
-                   {"end_hi", "", "Free at this time; empty: blocked at the end"},
+                   {"onset_lo", "", "Blocked after this time; empty: not bounded", false, true},
+                   {"onset_hi", "", "Blocked at this time", false, true},
+                   {"end_lo", "", "Still blocked at this time", false, true},
+                   {"end_hi", "", "Free at this time; empty: blocked at the end", false, true},
                    {"duration_lo_s", "s", "Shortest possible duration"},
                    {"duration_hi_s", "s", "Longest possible duration; empty: not bounded"},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},

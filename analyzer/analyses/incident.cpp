@@ -7,10 +7,10 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <tuple>
 
 #include "analyzer/analyses/incident_signals.hpp"
 #include "analyzer/analyses/incident_tables.hpp"
+#include "analyzer/analyses/incident_timeline.hpp"
 #include "schema/time.hpp"
 
 namespace tacho {
@@ -72,20 +72,6 @@ constexpr auto kTold = std::to_array<Told>({{EventKind::blocked, "blocked"},
                                             {EventKind::localisation, "reloc_status_register"},
                                             {EventKind::control_owner, "current_lock_nick_name"}});
 
-struct Line {
-  Micros t_us = 0;  ///< order: when it was seen, for a gap when it began
-  int rank = 0;     ///< at one moment: gap, event, change
-  Micros hull_from_us = 0;
-  Micros hull_to_us = 0;
-  std::string robot;
-  std::string kind;
-  std::string source;
-  std::string what;
-  std::string old_value;
-  std::string new_value;
-  std::string detail;
-};
-
 struct SourceQuality {
   std::size_t stored = 0;
   double missed = 0.0;
@@ -118,7 +104,7 @@ class RobotIncident {
     log.read(robot_.id, Window{}, Selection{}, [&](const Slice& slice) { fold_rows(slice); });
   }
 
-  void lines(std::vector<Line>& out) const {
+  void lines(std::vector<TimeLine>& out) const {
     out.insert(out.end(), lines_.begin(), lines_.end());
     for (const SignalChange& c : signals_.changes()) {
       if (!told(c)) {
@@ -142,7 +128,7 @@ class RobotIncident {
   Micros to_us_;
   SignalTracker signals_;
   std::vector<Coverage> coverage_;
-  std::vector<Line> lines_;
+  std::vector<TimeLine> lines_;
   std::vector<Event> events_;
   std::map<Source, SourceQuality> quality_;
   std::optional<ClockPoint> clock_;
@@ -197,7 +183,7 @@ class RobotIncident {
         const std::string kind(event_kind_name(e.kind));
         lines_.push_back({e.t_us, 1, e.t_from_us, e.t_us, robot_.name, alarm ? "alarm" : "event",
                           std::string(source_name(e.source)), e.subject.empty() ? kind : kind + " " + e.subject,
-                          e.old_value, e.new_value, e.detail});
+                          e.old_value, e.new_value, e.detail, is_of_robot(e.kind)});
         events_.push_back(e);
       }
     }
@@ -337,17 +323,14 @@ Finding RobotIncident::coverage_finding() const {
   return f;
 }
 
-void fill_timeline(DataTable& table, std::vector<Line> lines, const IncidentQuery& query) {
-  Line mark;
+void fill_timeline(DataTable& table, std::vector<TimeLine> lines, const IncidentQuery& query) {
+  TimeLine mark;
   mark.t_us = mark.hull_from_us = mark.hull_to_us = query.at_us;
   mark.rank = 3;
   mark.kind = "moment";
   mark.what = "the moment asked for";
   lines.push_back(mark);
-  std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) {
-    return std::tie(a.t_us, a.rank, a.robot, a.source) < std::tie(b.t_us, b.rank, b.robot, b.source);
-  });
-  for (const Line& l : lines) {
+  for (const TimeLine& l : join_repeats(std::move(lines))) {
     table.rows.push_back({Time{l.t_us}, static_cast<double>(l.t_us - query.at_us) / 1e6, l.robot, l.kind, l.source,
                           l.what, l.old_value, l.new_value, l.detail, Time{l.hull_from_us}, Time{l.hull_to_us}});
   }
@@ -364,7 +347,7 @@ Section incident(RowSource& log, std::span<const RobotId> robots, const Incident
   DataTable signals = signals_table();
   DataTable state = state_table();
   DataTable quality = quality_table();
-  std::vector<Line> lines;
+  std::vector<TimeLine> lines;
   for (const Robot& robot : log.robots()) {
     if (!robots.empty() && std::find(robots.begin(), robots.end(), robot.id) == robots.end()) {
       continue;

@@ -25,6 +25,9 @@ constexpr auto kMaterial = std::to_array<MaterialStep>({{"m", 0.05},
                                                         {"1", 0.02},
                                                         {"%", 2.0}});
 
+constexpr std::array<FieldIndex, kAlarmLevels> kAlarmArrays{field("fatals"), field("errors"), field("warnings"),
+                                                            field("notices")};
+
 double material_step(const SignalCurve& curve) {
   const std::string_view unit = kFields[curve.field].unit;
   for (const MaterialStep& m : kMaterial) {
@@ -180,42 +183,56 @@ void SignalTracker::points(const Batch& batch, std::size_t row) {
   }
 }
 
+/// An array that is missing, or has elements that could not be read, clears nothing.
 void SignalTracker::alarms(const Batch& batch, std::size_t row) {
-  const bool given = std::any_of(batch.columns.begin(), batch.columns.end(),
-                                 [&](const Column& c) { return kFields[c.field].kind == Kind::alarms && c.has(row); });
-  if (batch.alarm_begin.empty() || !given) {
-    return;  // a missing array is not an empty one
+  std::array<bool, kAlarmLevels> whole{};
+  bool given = false;
+  for (std::size_t l = 0; l < kAlarmLevels; ++l) {
+    const Column* column = batch.find(kAlarmArrays[l]);
+    const bool has = column != nullptr && column->has(row);
+    given = given || has;
+    whole[l] = has && !batch.incomplete(row, static_cast<AlarmLevel>(l));
   }
-  std::map<std::string, std::string> now;
+  if (!given) {
+    return;
+  }
+  Alarms& alarms = alarms_[batch.source];
+  std::map<std::string, Alarm> now;
   for (const AlarmItem& item : batch.alarms_of(row)) {
-    now.emplace(fmt::format("{} {}", alarm_level_name(item.level), item.code), std::string(batch.texts.at(item.desc)));
+    now.try_emplace(fmt::format("{} {}", alarm_level_name(item.level), item.code),
+                    Alarm{item.level, std::string(batch.texts.at(item.desc)), batch.t_send_us[row]});
   }
-  const auto seen = alarms_seen_.find(batch.source);
-  std::map<std::string, std::string>& before = alarms_[batch.source];
-  if (seen != alarms_seen_.end() && batch.t_recv_us[row] >= from_us_) {
-    const auto change = [&](const std::string& what, const std::string& from, const std::string& to) {
-      other_changes_.push_back(
-          {batch.source, batch.seq[row], seen->second, batch.t_recv_us[row], what, kNoField, from, to, true});
-    };
-    for (const auto& [name, text] : now) {
-      if (before.count(name) == 0) {
-        change(name, "", text.empty() ? "raised" : "raised: " + text);
-      }
+  for (const auto& [name, alarm] : now) {
+    const std::optional<Micros> absent_us = alarms.whole_us[static_cast<std::size_t>(alarm.level)];
+    if (absent_us && alarms.standing.count(name) == 0) {
+      alarm_change(batch, row, name, *absent_us, alarm.text.empty() ? "raised" : "raised: " + alarm.text);
     }
-    for (const auto& [name, text] : before) {
-      if (now.count(name) == 0) {
-        change(name, "", "cleared");
-      }
+  }
+  for (const auto& [name, alarm] : alarms.standing) {
+    if (now.count(name) == 0 && whole[static_cast<std::size_t>(alarm.level)]) {
+      alarm_change(batch, row, name, alarm.t_send_us, "cleared");
+    } else {
+      now.try_emplace(name, alarm);
     }
+  }
+  alarms.standing = std::move(now);
+  for (std::size_t l = 0; l < kAlarmLevels; ++l) {
+    alarms.whole_us[l] = whole[l] ? std::optional(batch.t_send_us[row]) : alarms.whole_us[l];
   }
   if (batch.t_recv_us[row] <= at_us_) {
     alarms_at_.clear();
-    for (const auto& [name, text] : now) {
-      alarms_at_.push_back(text.empty() ? name : name + " (" + text + ")");
+    for (const auto& [name, alarm] : alarms.standing) {
+      alarms_at_.push_back(alarm.text.empty() ? name : name + " (" + alarm.text + ")");
     }
   }
-  before = std::move(now);
-  alarms_seen_[batch.source] = batch.t_send_us[row];
+}
+
+void SignalTracker::alarm_change(const Batch& batch, std::size_t row, const std::string& name, Micros from_us,
+                                 std::string now) {
+  if (batch.t_recv_us[row] >= from_us_) {
+    other_changes_.push_back(
+        {batch.source, batch.seq[row], from_us, batch.t_recv_us[row], name, kNoField, "", std::move(now), true});
+  }
 }
 
 bool SignalTracker::best_source(const Key& key) const {

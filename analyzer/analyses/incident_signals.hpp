@@ -2,8 +2,10 @@
 // Follows every field of one robot through a window: curves of numbers, changes of everything else, last known values.
 // A change is seen in one answer and was not there in the answer before: it happened in (hull_from, hull_to].
 
+#include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -64,7 +66,7 @@ class SignalTracker {
   [[nodiscard]] std::vector<const SignalCurve*> curves() const;
   /// Last value at `at_us`, from the freshest source; null when the field was never given.
   [[nodiscard]] const LastValue* last(FieldIndex field) const;
-  /// Alarms present in the last answer before `at_us`: "error 52201 (text)".
+  /// Alarms present in the last answer before `at_us` that could be read: "error 52201 (text)".
   [[nodiscard]] const std::vector<std::string>& alarms_at() const { return alarms_at_; }
 
  private:
@@ -76,14 +78,22 @@ class SignalTracker {
     std::size_t rows = 0;
     std::vector<SignalChange> changes;
   };
+  struct Alarm {
+    AlarmLevel level = AlarmLevel::fatal;
+    std::string text;
+    Micros t_send_us = 0;  // of the last answer that showed it
+  };
+  struct Alarms {
+    std::array<std::optional<Micros>, kAlarmLevels> whole_us;  // request of the last answer that told the whole level
+    std::map<std::string, Alarm> standing;                     // by name: "error 52201"
+  };
   Micros from_us_;
   Micros at_us_;
   std::map<Key, SignalCurve> curves_;
   std::map<Key, Discrete> discrete_;
   std::map<Key, LastValue> last_;
   std::map<std::pair<Source, std::string>, std::pair<bool, Micros>> points_;  // status and when it was last seen
-  std::map<Source, std::map<std::string, std::string>> alarms_;               // present ones and their texts
-  std::map<Source, Micros> alarms_seen_;
+  std::map<Source, Alarms> alarms_;
   std::map<Source, std::size_t> rows_;
   std::vector<SignalChange> other_changes_;
   std::vector<std::string> alarms_at_;
@@ -93,6 +103,7 @@ class SignalTracker {
   void note_last(const Batch& batch, const Column& column, std::size_t row, const std::string& text);
   void points(const Batch& batch, std::size_t row);
   void alarms(const Batch& batch, std::size_t row);
+  void alarm_change(const Batch& batch, std::size_t row, const std::string& name, Micros from_us, std::string now);
   [[nodiscard]] bool best_source(const Key& key) const;
   [[nodiscard]] static bool running(const Discrete& d);
 };

@@ -10,11 +10,11 @@ DataTable timeline_table() {
                    {"offset_s", "s", "seconds after the moment asked for"},
                    {"robot", "", "robot"},
                    {"kind", "", "event, alarm, gap, change, or the moment asked for"},
-                   {"source", "", "source it was seen in"},
+                   {"source", "", "sources it was seen in, the first to see it first"},
                    {"what", "", "event, alarm code, gap cause, or field"},
                    {"old", "", "value before"},
                    {"new", "", "value after"},
-                   {"detail", "", "alarm text, words of the system"},
+                   {"detail", "", "alarm text, words of the system; how much later other sources saw it"},
                    {"hull_from", "", "it happened after this time", false, true},
                    {"hull_to", "", "and not later than this one", false, true}};
   return table;

@@ -102,7 +102,8 @@ void RowReader::add_codes(CrossRow& out, std::size_t row) const {
     return;
   }
   const Column* errors = columns_[field("errors")];
-  out.codes_given = errors != nullptr && errors->has(row);
+  // An element that could not be read may be the code that the registers show.
+  out.codes_given = errors != nullptr && errors->has(row) && !batch_->incomplete(row, AlarmLevel::error);
   if (out.codes_given) {
     for (const AlarmItem& alarm : batch_->alarms_of(row)) {
       out.codes.push_back(alarm.code);

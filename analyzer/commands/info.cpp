@@ -185,7 +185,7 @@ DataTable unknown_table(const RowSource& log, const std::vector<Robot>& robots) 
                   "Unknown keys (kept in the answers, not decoded)",
                   {{"robot", "", "robot"},
                    {"source", "", "source"},
-                   {"key", "", "path in the JSON answer"},
+                   {"key", "", "path in the JSON answer; errors[] = an element of the list that could not be read"},
                    {"first", "", "first seen", false, true}},
                   {},
                   false};
@@ -224,27 +224,37 @@ bool expected(const Field& field, Source source) {
   return false;
 }
 
+std::string names_of(const FieldSet& fields) {
+  std::string names;
+  for (std::size_t f = 0; f < kFieldCount; ++f) {
+    if (fields.test(f)) {
+      names += (names.empty() ? "" : " ") + std::string(kFields[f].name);
+    }
+  }
+  return names;
+}
+
 DataTable never_seen_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
   DataTable table{"never_seen",
-                  "Fields never seen",
+                  "Fields never seen, and fields never seen with a value",
                   {{"robot", "", "robot"},
                    {"source", "", "source"},
                    {"seen", "", "fields seen at least once"},
                    {"never", "", "fields that this source could give and never gave"},
-                   {"names", "", "their names"}},
+                   {"names", "", "their names"},
+                   {"without_value", "", "fields seen, but only as null, not supplied, not meaningful or unreadable"},
+                   {"names_without_value", "", "their names"}},
                   {},
                   false};
   for (const Coverage& c : all) {
-    std::int64_t never = 0;
-    std::string names;
+    FieldSet never;
     for (std::size_t f = 0; f < kFieldCount; ++f) {
-      if (c.stored > 0 && expected(kFields[f], c.source) && !c.seen.test(f)) {
-        ++never;
-        names += (names.empty() ? "" : " ") + std::string(kFields[f].name);
-      }
+      never[f] = c.stored > 0 && expected(kFields[f], c.source) && !c.seen.test(f);
     }
-    table.rows.push_back(
-        {robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.seen.count()), never, names});
+    const FieldSet without_value = c.seen & ~c.valued;
+    table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.seen.count()),
+                          count(never.count()), names_of(never), count(without_value.count()),
+                          names_of(without_value)});
   }
   return table;
 }

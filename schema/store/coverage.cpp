@@ -15,9 +15,10 @@ void StreamCount::add(const AnswerMeta& meta, std::uint64_t length) {
 }
 
 void write(Statement& replace, const StreamKey& key, const StreamCount& c) {
-  const std::string seen = pack_seen(c.seen);
+  const std::string seen = pack_fields(c.seen);
+  const std::string valued = pack_fields(c.valued);
   replace.run(key.session, key.robot, source_name(key.source), c.stored, c.bytes, c.undecodable, c.first_us, c.last_us,
-              c.next_seq, Statement::Blob{seen});
+              c.next_seq, Statement::Blob{seen}, Statement::Blob{valued});
 }
 
 GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad) {
@@ -56,7 +57,8 @@ StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabu
     c.first_us = row.integer(6);
     c.last_us = row.integer(7);
     c.next_seq = static_cast<std::uint64_t>(row.integer(8));
-    c.seen = unpack_seen(row.bytes(9), vocabulary);
+    c.seen = unpack_fields(row.bytes(9), vocabulary);
+    c.valued = unpack_fields(row.bytes(10), vocabulary);
   }
   return counts;
 }

@@ -28,6 +28,7 @@ struct StreamCount {
   Micros last_us = 0;  ///< may come from an earlier part while stored is 0
   std::uint64_t next_seq = 0;
   FieldSet seen;
+  FieldSet valued;
 
   void add(const AnswerMeta& meta, std::uint64_t length);
 };

@@ -192,6 +192,7 @@ void LogReader::Impl::merge_coverage() {
       sum.bytes += count.bytes;
       sum.undecodable += count.undecodable;
       sum.seen |= count.seen;
+      sum.valued |= count.valued;
       next_seq[key] = std::max(next_seq[key], count.next_seq);
     }
     for (const auto& [key, count] : head.gaps) {

@@ -527,8 +527,10 @@ void LogWriter::append(const Answer& answer) {
 void LogWriter::note(const Sample& sample) {
   StreamState& state = impl_->stream(sample.meta.robot, sample.meta.source);
   const FieldSet seen = state.count.seen | sample.seen();
-  impl_->urgent = impl_->urgent || seen != state.count.seen || !sample.decodable;
+  const FieldSet valued = state.count.valued | sample.valued();
+  impl_->urgent = impl_->urgent || seen != state.count.seen || valued != state.count.valued || !sample.decodable;
   state.count.seen = seen;
+  state.count.valued = valued;
   state.count.undecodable += sample.decodable ? 0 : 1;
   state.dirty = true;
   for (const std::string& key : sample.unknown_keys) {

@@ -231,6 +231,7 @@ PartHead read_part(const std::filesystem::path& path) {
   }
   for (auto& [key, count] : counts) {
     count.seen = head.counts[key].seen;
+    count.valued = head.counts[key].valued;
     count.undecodable = head.counts[key].undecodable;
   }
   head.counts = std::move(counts);

@@ -44,7 +44,7 @@ class PartReader {
   std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);
 };
 
-/// read_head(), with the counts of a damaged part as what can really be read. What was seen, and which answers were
+/// read_head(), with the counts of a damaged part as what can really be read. What was seen and valued, and which answers were
 /// undecodable, stays as the writer noted it.
 PartHead read_part(const std::filesystem::path& path);
 

@@ -73,7 +73,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"stream", "seq_from",   "INTEGER NOT NULL", "first poll number that belongs to this part"},
   {"stream", "planned",    "INTEGER",          "polls the schedule asked for since the session began; NULL until it ended"},
 
-  {"field", "id",             "INTEGER PRIMARY KEY", "row of the field table; bit in coverage.seen"},
+  {"field", "id",             "INTEGER PRIMARY KEY", "row of the field table; bit in coverage.seen and coverage.valued"},
   {"field", "name",           "TEXT NOT NULL",       "canonical name"},
   {"field", "kind",           "TEXT NOT NULL",       "code list kind"},
   {"field", "unit",           "TEXT NOT NULL",       "SI unit"},
@@ -105,6 +105,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"coverage", "last_us",     "INTEGER NOT NULL", "largest send time, also of earlier parts when stored is 0"},
   {"coverage", "next_seq",    "INTEGER NOT NULL", "number after the last stored poll; 0: none stored"},
   {"coverage", "seen",        "BLOB NOT NULL",    "bit field.id (lowest first): the field was ever not absent"},
+  {"coverage", "valued",      "BLOB NOT NULL",    "bit field.id (lowest first): the field ever had a value (state present)"},
 
   {"unknown_key", "robot",    "INTEGER NOT NULL", "robot.id"},
   {"unknown_key", "source",   "TEXT NOT NULL",    "code list source"},

@@ -112,25 +112,25 @@ Vocabulary read_vocabulary(Connection& connection) {
   return vocabulary;
 }
 
-std::string pack_seen(const FieldSet& seen) {
+std::string pack_fields(const FieldSet& fields) {
   std::string bits((kFieldCount + 7) / 8, '\0');
   for (std::size_t i = 0; i < kFieldCount; ++i) {
-    if (seen[i]) {
+    if (fields[i]) {
       bits[i / 8] = static_cast<char>(static_cast<unsigned char>(bits[i / 8]) | 1U << (i % 8));
     }
   }
   return bits;
 }
 
-FieldSet unpack_seen(std::string_view bits, const Vocabulary& vocabulary) {
-  FieldSet seen;
+FieldSet unpack_fields(std::string_view bits, const Vocabulary& vocabulary) {
+  FieldSet fields;
   for (std::size_t i = 0; i < bits.size() * 8 && i < vocabulary.field.size(); ++i) {
     const bool on = (static_cast<unsigned>(static_cast<unsigned char>(bits[i / 8])) >> (i % 8) & 1U) != 0;
     if (on && vocabulary.field[i] != kNoField) {
-      seen.set(vocabulary.field[i]);
+      fields.set(vocabulary.field[i]);
     }
   }
-  return seen;
+  return fields;
 }
 
 }  // namespace tacho::store

@@ -24,8 +24,8 @@ struct Vocabulary {
 };
 Vocabulary read_vocabulary(Connection& connection);
 
-/// coverage.seen of this program's field table, and back.
-std::string pack_seen(const FieldSet& seen);
-FieldSet unpack_seen(std::string_view bits, const Vocabulary& vocabulary);
+/// coverage.seen and coverage.valued of this program's field table, and back.
+std::string pack_fields(const FieldSet& fields);
+FieldSet unpack_fields(std::string_view bits, const Vocabulary& vocabulary);
 
 }  // namespace tacho::store

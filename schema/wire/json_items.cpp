@@ -159,7 +159,22 @@ bool decode_point_object(simdjson::dom::object object, std::string_view list, Un
   return true;
 }
 
+bool decode_point(element value, std::string_view list, UnknownKeys& unknown, IoPoint& point, Sample& out) {
+  simdjson::dom::object object;
+  if (value.get(object) == SUCCESS) {
+    return decode_point_object(object, list, unknown, point, out);
+  }
+  const std::optional<bool> status = to_flag(value);
+  point.status = status.value_or(false);
+  return status.has_value();
+}
+
 State state_of_other(element value) { return value.is_null() ? State::null : State::wrong_type; }
+
+/// Of an array of which `read` elements could be read.
+Cell list_cell(std::size_t read, bool whole) {
+  return {whole || read > 0 ? State::present : State::wrong_type, 0.0, static_cast<std::int64_t>(read)};
+}
 
 }  // namespace
 
@@ -195,23 +210,21 @@ void UnknownKeys::add(std::string_view parent, std::string_view key) {
   out_->unknown_keys.push_back(std::move(path));
 }
 
-void decode_alarms(AlarmLevel level, element list, UnknownKeys& unknown, Sample& out) {
+bool decode_alarms(AlarmLevel level, element list, UnknownKeys& unknown, Sample& out) {
   Cell& cell = out.cells[kAlarmFields[static_cast<std::size_t>(level)]];
   simdjson::dom::array array;
   if (list.get(array) != SUCCESS) {
     cell.state = state_of_other(list);
-    return;
+    return true;
   }
   const std::size_t before = out.alarms.size();
-  bool good = true;
+  bool whole = true;
   for (const element value : array) {
-    good = decode_alarm(level, value, unknown, out) && good;
+    whole = decode_alarm(level, value, unknown, out) && whole;
   }
-  if (!good) {
-    out.alarms.resize(before);
-  }
-  cell.state = good ? State::present : State::wrong_type;
-  cell.integer = static_cast<std::int64_t>(out.alarms.size() - before);
+  cell = list_cell(out.alarms.size() - before, whole);
+  out.alarms_incomplete.set(static_cast<std::size_t>(level), cell.has() && !whole);
+  return whole;
 }
 
 void attach_solutions(AlarmLevel level, element list, Sample& out) {
@@ -248,36 +261,29 @@ void attach_solutions(AlarmLevel level, element list, Sample& out) {
   }
 }
 
-void decode_points(bool output, element list, UnknownKeys& unknown, Sample& out) {
+bool decode_points(bool output, element list, UnknownKeys& unknown, Sample& out) {
   const FieldIndex field = kPointFields[output ? 1 : 0];
   Cell& cell = out.cells[field];
   simdjson::dom::array array;
   if (list.get(array) != SUCCESS) {
     cell.state = state_of_other(list);
-    return;
+    return true;
   }
   const std::size_t before = out.points.size();
-  bool good = true;
+  bool whole = true;
   std::int32_t index = 0;
   for (const element value : array) {
     IoPoint point;
     point.output = output;
-    point.id = index++;
-    simdjson::dom::object object;
-    if (value.get(object) == SUCCESS) {
-      good = decode_point_object(object, kFields[field].json.key, unknown, point, out) && good;
+    point.id = index++;  // also counts elements that are left out: old firmware gives no other number
+    if (decode_point(value, kFields[field].json.key, unknown, point, out)) {
+      out.points.push_back(point);
     } else {
-      const std::optional<bool> status = to_flag(value);
-      good = status.has_value() && good;
-      point.status = status.value_or(false);
+      whole = false;
     }
-    out.points.push_back(point);
   }
-  if (!good) {
-    out.points.resize(before);
-  }
-  cell.state = good ? State::present : State::wrong_type;
-  cell.integer = static_cast<std::int64_t>(out.points.size() - before);
+  cell = list_cell(out.points.size() - before, whole);
+  return whole;
 }
 
 }  // namespace tacho::wire

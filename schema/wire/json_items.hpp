@@ -38,12 +38,13 @@ class UnknownKeys {
   Sample* out_;
 };
 
-/// Appends the alarms of one array to `out` and sets its cell. An array with an element that has no code is wrong_type
-/// as a whole: its alarms are then not known, which is not the same as fewer of them.
-void decode_alarms(AlarmLevel level, simdjson::dom::element list, UnknownKeys& unknown, Sample& out);
+/// Appends the alarms of one array to `out` and sets its cell. An element that has no code is left out, and the level
+/// marked in `alarms_incomplete`; an array of such elements only is wrong_type. False when an element was left out.
+[[nodiscard]] bool decode_alarms(AlarmLevel level, simdjson::dom::element list, UnknownKeys& unknown, Sample& out);
 /// Gives alarms of `level` that carry no words about what to do the words of a `*_solution` array.
 void attach_solutions(AlarmLevel level, simdjson::dom::element list, Sample& out);
-/// Appends DI or DO to `out` and sets its cell. All or nothing, like alarms.
-void decode_points(bool output, simdjson::dom::element list, UnknownKeys& unknown, Sample& out);
+/// Appends DI or DO to `out` and sets its cell. Elements without id or level are left out as with alarms; no mark is
+/// needed, because a point that is not told keeps its state. False when an element was left out.
+[[nodiscard]] bool decode_points(bool output, simdjson::dom::element list, UnknownKeys& unknown, Sample& out);
 
 }  // namespace tacho::wire

@@ -215,7 +215,8 @@ class Decoding {
     if (any_of(needed_, kAlarmFields)) {
       for (std::size_t i = 0; i < alarm_arrays_; ++i) {
         const std::size_t level = alarm_order_[i];
-        decode_alarms(static_cast<AlarmLevel>(level), *alarms_[level], unknown_, out_);
+        tell_odd(decode_alarms(static_cast<AlarmLevel>(level), *alarms_[level], unknown_, out_), "",
+                 kAlarmFields[level]);
       }
       decode_nested_alarms();
       for (std::size_t level = 0; level < solutions_.size(); ++level) {
@@ -227,9 +228,16 @@ class Decoding {
     if (any_of(needed_, kPointFields)) {
       for (std::size_t i = 0; i < points_.size(); ++i) {
         if (points_[i]) {
-          decode_points(i == 1, *points_[i], unknown_, out_);
+          tell_odd(decode_points(i == 1, *points_[i], unknown_, out_), "", kPointFields[i]);
         }
       }
+    }
+  }
+
+  /// An element of a list that could not be read is told as the unknown key "errors[]".
+  void tell_odd(bool whole, std::string_view parent, FieldIndex list) {
+    if (!whole && collect_unknown_) {
+      unknown_.add(parent, std::string(kFields[list].json.key) + "[]");
     }
   }
 
@@ -243,7 +251,8 @@ class Decoding {
     for (std::size_t level = 0; level < kAlarmFields.size(); ++level) {
       element list;
       if (!alarms_[level] && nested[kFields[kAlarmFields[level]].json.key].get(list) == SUCCESS) {
-        decode_alarms(static_cast<AlarmLevel>(level), list, nothing, out_);
+        tell_odd(decode_alarms(static_cast<AlarmLevel>(level), list, nothing, out_),
+                 kFields[kNestedAlarmsField].json.key, kAlarmFields[level]);
       }
     }
   }

@@ -326,3 +326,29 @@ TEST_CASE("a level whose array is never in the answers has no rate, the others h
   CHECK_FALSE(std::get<Quantity>(test::cell(levels, 0, "per_hour")).value.has_value());
   CHECK(std::holds_alternative<Missing>(test::cell(levels, 3, "raises")));
 }
+
+TEST_CASE("an alarm that cannot be read in one answer goes on, and one that comes after it may be older") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  log.period(robot, Source::status, 1.0);
+  for (int t = 0; t < 60; ++t) {
+    Sample& s = log.row(robot, Source::status, t);
+    MemoryLog::no_alarms(s);
+    const bool odd = t == 20 || t == 40;
+    s.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::error), odd);
+    if (t >= 10 && t < 30 && !odd) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52201, 0);
+    }
+    if (t >= 41) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52202, 0);
+    }
+  }
+  const Section section = run(log);
+  const DataTable& intervals = test::table(section, "intervals");
+  REQUIRE(intervals.rows.size() == 2);
+  const auto at = [&](std::size_t row, const char* name) { return test::time(test::cell(intervals, row, name)); };
+  CHECK(at(0, "clear_lo") == MemoryLog::micros(29.0));
+  CHECK(at(0, "clear_hi") == MemoryLog::micros(30.004));
+  CHECK(std::get<bool>(test::cell(intervals, 0, "censored_set")));
+  CHECK(at(1, "onset_lo") == MemoryLog::micros(39.0));
+}

@@ -40,7 +40,7 @@ class GeneratedLog final : public RowSource {
   [[nodiscard]] std::vector<ReadProblem> problems() const override { return {}; }
   void read_raw(RobotId, Source, Window, const std::function<void(const Answer&)>&) override {}
 
-  /// Seen: what the first row has.
+  /// Seen and valued: what the first row has.
   [[nodiscard]] std::vector<Coverage> coverage() const override {
     Sample sample;
     sample.clear();
@@ -54,6 +54,7 @@ class GeneratedLog final : public RowSource {
     c.first_us = MemoryLog::micros(0);
     c.last_us = MemoryLog::micros(duration_s_);
     c.seen = sample.seen();
+    c.valued = sample.valued();
     return {c};
   }
 

@@ -289,3 +289,106 @@ TEST_CASE("an input that several sources report, or an event names, is told once
   CHECK(told(section) == 1);
   CHECK(about(table(section, "timeline"), "digital_input DI 3").size() == 1);
 }
+
+TEST_CASE("an alarm array that is missing or cannot be read in full clears nothing in the time line") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t < 40; ++t) {
+    Sample& s = log.row(robot, Source::status, t);
+    MemoryLog::no_alarms(s);
+    if (t == 15) {
+      s.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::error));
+    } else if (t == 20) {
+      MemoryLog::set_state(s, "errors", State::wrong_type);
+    } else if (t >= 10 && t < 30) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52201, 0);
+    }
+  }
+  const Section section = run(log, 20.5);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "error 52201");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(line, rows[0], "new") == "raised");
+  CHECK(text(line, rows[1], "new") == "cleared");
+  CHECK(time_of(line, rows[1], "hull_from") == MemoryLog::micros(29.0));
+  CHECK(time_of(line, rows[1], "t") == MemoryLog::micros(30.004));
+  const DataTable& state = table(section, "state");
+  CHECK(std::any_of(state.rows.begin(), state.rows.end(), [&](const std::vector<Value>& row) {
+    const auto* value = std::get_if<std::string>(&row[column(state, "value")]);
+    return value != nullptr && *value == "error 52201";
+  }));
+}
+
+namespace {
+
+/// An event of `source`, seen at `t_s`, half a second after the answer before.
+Event seen_by(Source source, EventKind kind, double t_s, const char* now) {
+  Event event;
+  event.robot = 1;
+  event.source = source;
+  event.kind = kind;
+  event.t_from_us = MemoryLog::micros(t_s - 0.5);
+  event.t_us = MemoryLog::micros(t_s);
+  event.new_value = now;
+  return event;
+}
+
+}  // namespace
+
+TEST_CASE("what two sources tell of the robot is one line that names both and both times") {
+  MemoryLog log;
+  log.add_robot("a");
+  log.event(seen_by(Source::status, EventKind::emergency, 10.0, "true"));
+  log.event(seen_by(Source::inputs, EventKind::emergency, 10.25, "true"));
+  log.event(seen_by(Source::status, EventKind::emergency, 13.0, "false"));
+  const Section section = run(log, 12.0);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "emergency");
+  REQUIRE(rows.size() == 2);
+  CHECK(text(line, rows[0], "source") == "status, inputs");
+  CHECK(text(line, rows[0], "new") == "true");
+  CHECK(text(line, rows[0], "detail") == "inputs 0.250 s later");
+  CHECK(time_of(line, rows[0], "t") == MemoryLog::micros(10.0));
+  CHECK(time_of(line, rows[0], "hull_from") == MemoryLog::micros(9.75));  // both are right: it happened in between
+  CHECK(time_of(line, rows[0], "hull_to") == MemoryLog::micros(10.0));
+  CHECK(text(line, rows[1], "source") == "status");
+  CHECK(text(line, rows[1], "detail").empty());
+}
+
+TEST_CASE("a flag that flickers is paired edge by edge, and edges far apart stay apart") {
+  MemoryLog log;
+  log.add_robot("a");
+  for (const double t : {10.0, 12.0}) {
+    log.event(seen_by(Source::status, EventKind::blocked, t, "true"));
+    log.event(seen_by(Source::inputs, EventKind::blocked, t + 0.2, "true"));
+    log.event(seen_by(Source::status, EventKind::blocked, t + 1.0, "false"));
+    log.event(seen_by(Source::inputs, EventKind::blocked, t + 1.2, "false"));
+  }
+  log.event(seen_by(Source::status, EventKind::blocked, 30.0, "true"));
+  log.event(seen_by(Source::inputs, EventKind::blocked, 34.0, "true"));
+  const Section section = run(log, 20.0);
+  const DataTable& line = table(section, "timeline");
+  const auto rows = about(line, "blocked");
+  REQUIRE(rows.size() == 6);
+  for (std::size_t i = 0; i < 4; ++i) {
+    CHECK(text(line, rows[i], "source") == "status, inputs");
+    CHECK(text(line, rows[i], "new") == (i % 2 == 0 ? "true" : "false"));
+  }
+  CHECK(text(line, rows[4], "source") == "status");
+  CHECK(text(line, rows[5], "source") == "inputs");
+}
+
+TEST_CASE("lost links of two sources, and the same event of two robots, stay lines of their own") {
+  MemoryLog log;
+  log.add_robot("a");
+  log.add_robot("b");
+  log.event(seen_by(Source::status, EventKind::link_down, 10.0, "timeout"));
+  log.event(seen_by(Source::inputs, EventKind::link_down, 10.1, "timeout"));
+  log.event(seen_by(Source::status, EventKind::charging, 10.0, "true"));
+  Event other = seen_by(Source::inputs, EventKind::charging, 10.1, "true");
+  other.robot = 2;
+  log.event(other);
+  const Section section = run(log, 10.0);
+  CHECK(about(table(section, "timeline"), "link_down").size() == 2);
+  CHECK(about(table(section, "timeline"), "charging").size() == 2);
+}

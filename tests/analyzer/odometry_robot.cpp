@@ -85,6 +85,7 @@ void fill(Sample& sample, const PaperAnswer& a, Source source) {
   for (const std::int64_t code : a.alarms) {
     sample.alarms.push_back({AlarmLevel::error, code, 0, 0, 0, 0});
   }
+  sample.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::error), a.odd_alarm);
 }
 
 void poll(Poller& p, const PaperRobot& robot, Sample& sample) {

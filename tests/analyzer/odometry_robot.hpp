@@ -141,7 +141,8 @@ struct PaperAnswer {
   double soc = 0.8, total_time_s = 0;
   std::string map = "hall";
   std::vector<std::int64_t> alarms;
-  bool skip = false;  ///< no answer
+  bool odd_alarm = false;  ///< one more that cannot be read (status only)
+  bool skip = false;       ///< no answer
 };
 
 class PaperLog final : public RowSource {

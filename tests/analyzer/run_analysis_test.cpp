@@ -1,4 +1,5 @@
 #include "analyzer/analysis.hpp"
+#include "analyzer/commands/info.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/memory_log.hpp"
 
@@ -83,6 +84,43 @@ TEST_CASE("a field is read from the best source that ever gave it") {
   CHECK(context.find(Source::io) == nullptr);
 }
 
+TEST_CASE("a source that has a field but never a value of it does not hide one that has") {
+  RobotContext context;
+  Coverage status;
+  status.source = Source::status;
+  status.stored = 10;
+  status.seen.set(field("battery_temp")).set(field("voltage"));
+  Coverage registers = status;
+  registers.source = Source::registers;
+  registers.valued.set(field("voltage"));
+  context.coverage = {status, registers};
+  const std::vector<Source> both{Source::status, Source::registers};
+  CHECK(context.choose({field("voltage"), both}) == Source::registers);
+  CHECK(context.choose({field("battery_temp"), both}) == Source::status);  // no source has a value: the best of them
+  context.coverage[0].valued.set(field("voltage"));
+  CHECK(context.choose({field("voltage"), both}) == Source::status);
+}
+
+TEST_CASE("info tells fields that were never there from fields that never had a value") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  Sample& row = log.row(robot, Source::status, 0);
+  MemoryLog::set(row, "x", 1.0);
+  MemoryLog::set_state(row, "battery_temp", State::null);
+  MemoryLog::set_state(row, "block_reason", State::not_meaningful);
+  const Section section = commands::info(log, log.robots(), nullptr);
+  const auto table = std::find_if(section.tables.begin(), section.tables.end(),
+                                  [](const DataTable& t) { return t.name == "never_seen"; });
+  REQUIRE(table != section.tables.end());
+  REQUIRE(table->rows.size() == 1);
+  const auto text = [&](std::size_t column) { return std::get<std::string>(table->rows[0][column]); };
+  CHECK(text(4).find("battery_temp") == std::string::npos);
+  CHECK(text(4).find("voltage") != std::string::npos);
+  CHECK(std::get<std::int64_t>(table->rows[0][5]) == 2);
+  CHECK(text(6).find("battery_temp") != std::string::npos);
+  CHECK(text(6).find("block_reason") != std::string::npos);
+}
+
 TEST_CASE("robots are folded apart and merged in the order of their ids") {
   MemoryLog log = two_robots();
   const Section section = run_analysis(kPosition, log, {}, {}, "UTC", {});
@@ -136,5 +174,68 @@ TEST_CASE("a log without robots still gets an answer from every analysis") {
       INFO(finding.id);
       CHECK((finding.verdict == Verdict::unknown || finding.verdict == Verdict::not_applicable));
     }
+  }
+}
+
+namespace {
+
+/// 26 hours in which something of everything happens: a stale alarm, a flood, a block, a charge, a jump.
+MemoryLog eventful_robot() {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("a");
+  log.period(robot, Source::status, 60.0);
+  for (int i = 0; i < 26 * 60; ++i) {
+    Sample& s = log.row(robot, Source::status, 60.0 * i);
+    const bool blocked = i >= 200 && i < 203;
+    const bool charging = i % 480 >= 300 && i % 480 < 420;
+    MemoryLog::no_alarms(s);
+    MemoryLog::set(s, "x", (i < 500 ? 0.0 : 3.0) + 0.1 * (i % 60));
+    MemoryLog::set(s, "y", 0.0);
+    MemoryLog::set(s, "angle", 0.0);
+    MemoryLog::set(s, "vx", blocked ? 0.0 : 0.5);
+    MemoryLog::set(s, "vy", 0.0);
+    MemoryLog::set(s, "w", 0.0);
+    MemoryLog::set(s, "odo", 100.0 + 6.0 * i);
+    MemoryLog::set(s, "confidence", 0.9);
+    MemoryLog::set(s, "uptime", 60.0 * i);
+    MemoryLog::set(s, "battery_level", charging ? 0.3 + 0.005 * (i % 480 - 300) : 0.9 - 0.002 * (i % 480));
+    MemoryLog::set(s, "current", charging ? 20.0 : -5.0);
+    MemoryLog::set(s, "voltage", 50.0);
+    MemoryLog::set_int(s, "charging", charging ? 1 : 0);
+    MemoryLog::set_int(s, "blocked", blocked ? 1 : 0);
+    MemoryLog::set_int(s, "task_status", 2);
+    MemoryLog::set_text(s, "current_map", "hall");
+    if (i >= 10) {
+      MemoryLog::alarm(s, AlarmLevel::warning, 54001, 0);
+    }
+    for (int code = 0; i >= 100 && i < 103 && code < 20; ++code) {
+      MemoryLog::alarm(s, AlarmLevel::error, 52000 + code, 0);
+    }
+  }
+  return log;
+}
+
+}  // namespace
+
+TEST_CASE("every column that holds times says so, so that a table without rows has the same header") {
+  MemoryLog log = eventful_robot();
+  std::vector<std::string> filled;
+  for (const AnalysisSpec& spec : analyses()) {
+    for (const DataTable& table : run_analysis(spec, log, {}, {}, "UTC", {}).tables) {
+      for (const std::vector<Value>& row : table.rows) {
+        for (std::size_t c = 0; c < row.size(); ++c) {
+          if (std::holds_alternative<Time>(row[c])) {
+            INFO(spec.name << " " << table.name << " " << table.columns[c].name);
+            REQUIRE(table.columns[c].time);
+            filled.push_back(table.name);
+          }
+        }
+      }
+    }
+  }
+  for (const char* name : {"floods", "standing", "intervals", "episodes", "charge_sessions", "equivalent_full_cycles",
+                           "battery_fields", "segments"}) {
+    INFO(name);
+    CHECK(std::find(filled.begin(), filled.end(), name) != filled.end());
   }
 }

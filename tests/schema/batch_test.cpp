@@ -39,6 +39,18 @@ TEST_CASE("a batch keeps the five ways of having no value apart, and zero") {
   });
 }
 
+TEST_CASE("of all states only present counts as having a value") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("A");
+  for (const State state : {State::null, State::not_meaningful, State::not_supplied, State::wrong_type}) {
+    log.set_state(log.row(robot, Source::status, 1.0), "block_reason", state);
+  }
+  CHECK(log.coverage().at(0).seen.test(field("block_reason")));
+  CHECK(log.coverage().at(0).valued.none());
+  log.set_state(log.row(robot, Source::status, 2.0), "block_reason", State::present);
+  CHECK(log.coverage().at(0).valued.test(field("block_reason")));
+}
+
 TEST_CASE("rows, texts and alarms come out of a batch as they went in, however it is cut into slices") {
   for (const std::size_t slice_rows : {0u, 1u, 3u, 7u}) {
     MemoryLog log;
@@ -52,6 +64,7 @@ TEST_CASE("rows, texts and alarms come out of a batch as they went in, however i
       for (int k = 0; k < i % 4; ++k) {
         MemoryLog::alarm(row, AlarmLevel::error, 52000 + k, 100 + i);
       }
+      row.alarms_incomplete.set(static_cast<std::size_t>(AlarmLevel::warning), i % 5 == 0);
     }
     Selection selection;
     for (const FieldIndex f : {field("x"), field("current_station"), field("errors")}) {
@@ -66,6 +79,8 @@ TEST_CASE("rows, texts and alarms come out of a batch as they went in, however i
         CHECK(batch.text(*batch.find(field("current_station")), i) == "LM" + std::to_string(n % 3));
         const auto alarms = batch.alarms_of(i);
         REQUIRE(alarms.size() == n % 4);
+        CHECK(batch.incomplete(i, AlarmLevel::warning) == (n % 5 == 0));
+        CHECK_FALSE(batch.incomplete(i, AlarmLevel::error));
         for (std::size_t k = 0; k < alarms.size(); ++k) {
           CHECK(alarms[k].code == static_cast<std::int64_t>(52000 + k));
         }

@@ -128,7 +128,7 @@ TEST_CASE("silence about a state changes nothing", "[events]") {
   feed.json(1, R"({"blocked":true,"errors":[{"52201":10}]})");
   CHECK(summary(feed.json(2, R"({})")).empty());
   CHECK(summary(feed.json(3, R"({"blocked":null,"errors":null})")).empty());
-  CHECK(summary(feed.json(4, R"({"blocked":"yes","errors":[{"desc":"no code"}]})")).empty());
+  CHECK(summary(feed.json(4, R"({"blocked":"yes","errors":[{"desc":"no code"}]})")) == "unknown_key errors[] ->");
   const std::vector<Event> events = feed.json(5, R"({"blocked":false,"errors":[]})");
   CHECK(summary(events) == "blocked true->false; alarm_cleared error 52201 1->0");
   CHECK(events[0].t_from_us == sent(1));  // the whole silence is part of the edge
@@ -192,6 +192,41 @@ TEST_CASE("the same alarm twice in one answer is one alarm", "[events]") {
   CHECK(summary(feed.json(2, R"({"errors":[{"52111":10,"times":1,"desc":"a"},{"52111":11,"times":2,"desc":"b"}]})")) ==
         "alarm_raised error 52111 0->2");
   CHECK(summary(feed.json(3, R"({"errors":[{"52111":10,"times":2,"desc":"a"}]})")).empty());
+}
+
+TEST_CASE("an alarm that cannot be read in one answer is not cleared by it", "[events]") {
+  Feed feed;
+  feed.json(1, R"({"errors":[{"52201":10},{"52202":10,"times":2}]})");
+  CHECK(summary(feed.json(2, R"({"errors":[{"52202":10,"times":3},{"desc":"no code"}]})")) ==
+        "unknown_key errors[] ->; alarm_repeated error 52202 2->3");
+  CHECK(feed.json(3, R"({"errors":[{"52201":10},{"52202":10,"times":3}]})").empty());
+  CHECK(feed.json(4, R"({"errors":[{"52202":10,"times":3},17]})").empty());
+  const std::vector<Event> events = feed.json(5, R"({"errors":[]})");
+  REQUIRE(summary(events) == "alarm_cleared error 52201 1->0; alarm_cleared error 52202 3->0");
+  CHECK(events[0].t_from_us == sent(3));  // each since it was shown last
+  CHECK(events[1].t_from_us == sent(4));
+}
+
+TEST_CASE("an alarm that comes after an answer with an odd element may have stood in it", "[events]") {
+  Feed feed;
+  feed.json(1, R"({"errors":[]})");
+  CHECK(summary(feed.json(2, R"({"errors":[{"52201":10},{}]})")) ==
+        "unknown_key errors[] ->; alarm_raised error 52201 0->1");
+  const std::vector<Event> events = feed.json(3, R"({"errors":[{"52201":10},{"52202":10}]})");
+  REQUIRE(summary(events) == "alarm_raised error 52202 0->1");
+  CHECK(events[0].t_from_us == sent(1));
+  Feed from_the_start;
+  from_the_start.json(1, R"({"errors":[{"52201":10},{}]})");
+  CHECK(summary(from_the_start.json(2, R"({"errors":[{"52201":10},{"52202":10}]})")) == "alarm_raised error 52202 ->1");
+}
+
+TEST_CASE("a robot that makes up alarms beside odd elements fills no memory", "[events]") {
+  Feed feed;
+  feed.json(0, R"({"errors":[]})");
+  for (int i = 0; i < 3000; ++i) {
+    feed.json(1 + i, R"({"errors":[{},{")" + std::to_string(50000 + i) + R"(":1}]})");
+  }
+  CHECK(feed.json(5000, R"({"errors":[]})").size() <= 1000);
 }
 
 TEST_CASE("an uptime that falls is a reboot, a gap is not", "[events]") {

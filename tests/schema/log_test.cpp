@@ -152,6 +152,7 @@ TEST_CASE("what goes in comes out byte for byte, readable or not", "[log]") {
       CHECK(coverage.undecodable == 2);
       CHECK(coverage.seen.test(field("x")));
       CHECK_FALSE(coverage.seen.test(field("y")));
+      CHECK(coverage.valued.test(field("x")));
     }
   }
   const std::vector<Event> events = rows_of(*log, rec.robot).events;

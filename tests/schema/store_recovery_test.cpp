@@ -139,7 +139,7 @@ TEST_CASE("a killed session ends with the last poll that left a trace, stored or
   CHECK(open_reader(new_part).sessions().at(0).t_end_us == kT0 + 9 * kSecond);
 }
 
-TEST_CASE("what was seen, undecodable and unknown is exact after a kill") {
+TEST_CASE("what was seen, had a value, was undecodable or unknown is exact after a kill") {
   TempDir dir;
   const fs::path copy = dir / "copy";
   {
@@ -153,11 +153,15 @@ TEST_CASE("what was seen, undecodable and unknown is exact after a kill") {
     };
     poll();
     recording.writer.commit();
-    sample.cells[field("x")].state = State::present;
+    sample.cells[field("x")].state = State::null;
     sample.cells[field("battery_level")].state = State::null;
     sample.unknown_keys = {"shiny", "shiny.deep"};
     poll();
     sample.decodable = false;
+    poll();
+    recording.writer.commit();
+    sample.decodable = true;
+    sample.cells[field("x")].state = State::present;  // nothing new but a value
     poll();
     recording.writer.commit();
     copy_as_killed(dir / "log", copy);
@@ -168,8 +172,9 @@ TEST_CASE("what was seen, undecodable and unknown is exact after a kill") {
   CHECK(coverage.seen.count() == 2);
   CHECK(coverage.seen[field("x")]);
   CHECK(coverage.seen[field("battery_level")]);
+  CHECK(coverage.valued == FieldSet().set(field("x")));
   CHECK(coverage.undecodable == 1);
-  CHECK(coverage.bytes == 6);
+  CHECK(coverage.bytes == 8);
   REQUIRE(log.unknown_keys().size() == 2);
   CHECK(log.unknown_keys()[0].key == "shiny");
   CHECK(log.unknown_keys()[0].first_us == kT0 + kSecond);

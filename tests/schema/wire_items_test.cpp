@@ -87,12 +87,35 @@ TEST_CASE("an empty array, a missing one and an unreadable one are three differe
 }
 
 TEST_CASE("an unreadable array hides its own alarms only", "[wire]") {
-  const Sample s =
-      decode(R"({"warnings":[{"54001":1}],"errors":[{"52201":1},{"desc":"no code"}],"notices":[{"56000":1}]})");
+  const Sample s = decode(R"({"warnings":[{"54001":1}],"errors":[{"desc":"no code"}],"notices":[{"56000":1}]})");
   REQUIRE(s.alarms.size() == 2);
   CHECK(s.alarms[0].code == 54001);
   CHECK(s.alarms[1].code == 56000);
   CHECK(s.at(field("errors")).state == State::wrong_type);
+  CHECK(s.alarms_incomplete.none());
+  CHECK(s.unknown_keys == std::vector<std::string>{"errors[]"});
+}
+
+TEST_CASE("an odd element leaves the other alarms of its array standing, marked as not all", "[wire]") {
+  for (const char* const odd : {"17", "null", "\"text\"", "[]", "{}", R"({"desc":"no code"})", R"({"code":"x"})"}) {
+    INFO(odd);
+    const Sample s = decode(R"({"warnings":[],"errors":[{"52201":1},)" + std::string(odd) + R"(,{"52202":2}]})");
+    REQUIRE(s.alarms.size() == 2);
+    CHECK(s.alarms[0].code == 52201);
+    CHECK(s.alarms[1].code == 52202);
+    CHECK(s.at(field("errors")).has());
+    CHECK(s.at(field("errors")).integer == 2);
+    CHECK(s.alarms_incomplete == LevelSet().set(static_cast<std::size_t>(AlarmLevel::error)));
+    CHECK(s.unknown_keys == std::vector<std::string>{"errors[]"});
+  }
+  CHECK(decode(R"({"errors":[{"52201":1}]})").alarms_incomplete.none());
+}
+
+TEST_CASE("an odd element of the nested copy is told with its place", "[wire]") {
+  const Sample s = decode(R"({"alarms":{"errors":[{"code":52201},{"own":1}]}})");
+  CHECK(only_alarm(s).code == 52201);
+  CHECK(s.alarms_incomplete.count() == 1);
+  CHECK(s.unknown_keys == std::vector<std::string>{"alarms.errors[]"});
 }
 
 TEST_CASE("solution texts are attached to the alarm of their level and code", "[wire]") {
@@ -141,12 +164,21 @@ TEST_CASE("points of old firmware are booleans, their id is their place", "[wire
   CHECK(s.points[0].valid == -1);
 }
 
-TEST_CASE("a point without id or level makes the array unreadable", "[wire]") {
+TEST_CASE("an array of points without id or level is unreadable", "[wire]") {
   CHECK(point_state(R"({"DI":[]})") == State::present);
   CHECK(point_state(R"({"DI":[{"status":true}]})") == State::wrong_type);
   CHECK(point_state(R"({"DI":[{"id":1}]})") == State::wrong_type);
   CHECK(point_state(R"({"DI":[{"id":4294967296,"status":true}]})") == State::wrong_type);
   CHECK(point_state(R"({"DI":["high"]})") == State::wrong_type);
   CHECK(point_state(R"({"DI":null})") == State::null);
-  CHECK(decode(R"({"DI":[{"id":1,"status":true},{"id":2}]})").points.empty());
+}
+
+TEST_CASE("an odd point leaves the others, with their own ids", "[wire]") {
+  const Sample s = decode(R"({"DI":[{"id":1,"status":true},{"id":2},{"id":3,"status":true}],"DO":[true,"odd",true]})");
+  REQUIRE(s.points.size() == 4);
+  CHECK(s.points[1].id == 3);
+  CHECK(s.points[3].id == 2);  // its place, though the one before could not be read
+  CHECK(s.at(field("di")).has());
+  CHECK(s.at(field("di")).integer == 2);
+  CHECK(s.unknown_keys == std::vector<std::string>{"DI[]", "DO[]"});
 }

@@ -126,6 +126,7 @@ std::vector<Coverage> MemoryLog::coverage() const {
     c.first_us = c.stored == 0 ? row.meta.t_send_us : c.first_us;
     c.last_us = row.meta.t_recv_us;
     c.seen |= row.seen();
+    c.valued |= row.valued();
     ++c.stored;
   }
   for (const Gap& gap : gaps_) {
