@@ -237,12 +237,9 @@ class Reckoner {
 };
 
 std::string why_not(const Track& track, const Config& config) {
-  const double period = track.period_s();
-  if (std::isnan(period)) {
-    return "fewer than two rows";
-  }
-  if (period > config.period_max_s) {
-    return fmt::format("period {:.3g} s: drift needs polling at least every {:.3g} s", period, config.period_max_s);
+  const std::string slow = too_slow(track.period_s(), config, "drift needs");
+  if (!slow.empty()) {
+    return slow;
   }
   for (const auto& [tag, name] :
        {std::pair{kPose, "localised pose"}, std::pair{kOdo, "odo"}, std::pair{kSpeed, "vx"}, std::pair{kTurn, "w"}}) {

@@ -192,21 +192,24 @@ Finding heading_drift(const RobotResult& r) {
 Finding jumps(const RobotResult& r) {
   Finding f{"LOC-02", r.robot, "unexplained localisation jumps", Verdict::unknown, 0, {}, "", "", {}, ""};
   const Config& c = r.config;
-  f.threshold = fmt::format("PASS: none in at least {:.3g} km; FAIL: lower limit above {:.3g} per 10 km", c.jump_min_km,
-                            c.jumps_fail_per_10km);
-  f.threshold_source = r.from({"jump_min_km", "jumps_fail_per_10km", "jump_m", "jump_rad"});
+  f.threshold = fmt::format(
+      "PASS: none in at least {:.3g} km, on most of which {:.2g} m would show; FAIL: lower limit above {:.3g} per 10 "
+      "km",
+      c.jump_min_km, c.jump_seen_m, c.jumps_fail_per_10km);
+  f.threshold_source = r.from({"jump_min_km", "jump_seen_m", "jumps_fail_per_10km", "jump_m", "jump_rad"});
   if (r.sources.empty()) {
     return unknown(f, kNoRows, kRecord);
   }
   f.value = r.jumps.unexplained_per_km;
-  if (!f.value.value) {
+  const std::uint64_t n = r.jumps.count(JumpCause::unexplained);
+  if (n == 0 && !f.value.value) {
     return unknown(f, f.value.reason, kRecord);
   }
-  const std::uint64_t n = r.jumps.count(JumpCause::unexplained);
   if (n == 0 && r.jumps.km < c.jump_min_km) {
     return unknown(f, fmt::format("no jump, but only {:.3g} km driven", r.jumps.km), kDriveMore);
   }
-  f.verdict = n == 0 ? Verdict::pass : *f.value.lo * 10.0 > c.jumps_fail_per_10km ? Verdict::fail : Verdict::warn;
+  const bool fail = r.jumps.least_per_km * 10.0 > c.jumps_fail_per_10km;
+  f.verdict = n == 0 ? Verdict::pass : fail ? Verdict::fail : Verdict::warn;
   for (const Jump& j : r.jumps.jumps) {
     if (j.cause == JumpCause::unexplained && f.evidence.size() < kMostEvidence) {
       f.evidence.push_back({j.from_us, j.to_us, source_of(r),

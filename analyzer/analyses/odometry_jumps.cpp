@@ -23,7 +23,7 @@ constexpr std::array<CauseText, kJumpCauseCount> kCauses{{
     {"unexplained", "no cause in the log"},
 }};
 
-constexpr Micros kNear_us = 2'000'000;
+constexpr auto kNear_us = static_cast<Micros>(kJitter * 2'000'000);
 constexpr double kTurning_radps = 0.02;
 
 /// What one pair of consecutive poses says.
@@ -54,8 +54,7 @@ class Finder {
     step.joined = after == before + 1 && !b.all(kCut);
     Interval i = interval_of(a, b, config_);
     const bool odometer = a.all(kOdo) && b.all(kOdo);
-    // A map or localisation change alone is no hole: the polls went on.
-    const bool continuous = step.joined || (after == before + 1 && i.dt_s > 0.0 && i.dt_s <= config_.gap_min_s);
+    const bool continuous = step.joined || (after == before + 1 && polls_went_on(b));
     const bool stood = odometer && i.counted_m == 0.0;
     if (a.all(kOdometryMode) || b.all(kOdometryMode) || i.dt_s <= 0.0 || (!continuous && !stood)) {
       return step;
@@ -78,6 +77,7 @@ class Finder {
     const Row& a = rows_[step.before];
     const Row& b = rows_[step.row];
     Jump jump{step.row, a.t_us, b.t_us, a.pose(), step.dx, step.dy, step.dangle, step.allowed_m, step.allowed_rad};
+    jump.resolved = resolved(step);
     double highest = -1.0;
     double lowest = 2.0;
     bool lost = false;
@@ -105,6 +105,8 @@ class Finder {
     return jump;
   }
 
+  [[nodiscard]] bool resolved(const Step& step) const { return step.judged && step.allowed_m <= config_.jump_seen_m; }
+
  private:
   const Track& track_;
   const std::vector<Row>& rows_;
@@ -115,6 +117,11 @@ class Finder {
 
   [[nodiscard]] std::optional<Cut> cut_of(const Row& row) const {
     return row.all(kCut) ? std::optional(track_.segments()[row.segment].cut) : std::nullopt;
+  }
+  /// A change of map, localisation or counter is no hole: only gaps, restarts and clock steps are.
+  [[nodiscard]] bool polls_went_on(const Row& row) const {
+    const std::optional<Cut> cut = cut_of(row);
+    return cut == Cut::map || cut == Cut::localisation || cut == Cut::counter;
   }
   [[nodiscard]] bool changed_map(const Row& a, const Row& b) const {
     const auto& segments = track_.segments();
@@ -180,6 +187,29 @@ bool goes_on(const Step& step, const Step& neighbour) {
   return moved || turned;
 }
 
+void take_rates(JumpResult& r, const Config& config) {
+  Quantity& rate = r.unexplained_per_km;
+  if (r.intervals == 0) {
+    r.reason = rate.reason = "the log has no pair of poses with a speed between them";
+  } else if (r.km <= 0.0) {
+    rate.reason = "nothing driven";
+  } else {
+    r.least_per_km = math::poisson_rate(static_cast<double>(r.count(JumpCause::unexplained)), r.km).lo;
+  }
+  if (!rate.reason.empty()) {
+    return;
+  }
+  if (2.0 * r.seen_km < r.km) {
+    rate.reason = fmt::format("period {:.3g} s: a step of {:.2g} m would have shown on {:.3g} of {:.3g} km only",
+                              r.period_s, config.jump_seen_m, r.seen_km, r.km);
+    return;
+  }
+  const auto n = std::count_if(r.jumps.begin(), r.jumps.end(),
+                               [](const Jump& j) { return j.cause == JumpCause::unexplained && j.resolved; });
+  const math::Rate seen = math::poisson_rate(static_cast<double>(n), r.seen_km);
+  rate = {seen.value, "1/km", seen.lo, seen.hi, n, r.seen_km, ""};
+}
+
 }  // namespace
 
 std::string_view jump_cause_name(JumpCause cause) { return kCauses[static_cast<std::size_t>(cause)].name; }
@@ -201,11 +231,9 @@ JumpResult find_jumps(const Track& track, const Accelerations& accelerations, co
   JumpResult r;
   r.unexplained_per_km.unit = "1/km";
   const std::vector<Row>& rows = track.rows();
-  if (!(track.period_s() <= config.period_max_s)) {
-    r.reason = std::isfinite(track.period_s())
-                   ? fmt::format("period {:.3g} s: jumps need polling at least every {:.3g} s", track.period_s(),
-                                 config.period_max_s)
-                   : "fewer than two rows";
+  r.period_s = track.period_s();
+  r.reason = too_slow(r.period_s, config, "jumps need");
+  if (!r.reason.empty()) {
     r.unexplained_per_km.reason = r.reason;
     return r;
   }
@@ -230,22 +258,15 @@ JumpResult find_jumps(const Track& track, const Accelerations& accelerations, co
       const Step step = finder.judge(*last, k);
       const Interval i = interval_of(rows[*last], rows[k], config);
       r.intervals += step.judged ? 1U : 0U;
-      r.km += step.judged && i.counted_m > 0.0 ? i.counted_m / 1000.0 : 0.0;
+      const double km = step.judged && i.counted_m > 0.0 ? i.counted_m / 1000.0 : 0.0;
+      r.km += km;
+      r.seen_km += finder.resolved(step) ? km : 0.0;
       settle(step);
     }
     last = k;
   }
   settle(Step{});
-  if (r.intervals == 0) {
-    r.reason = "the log has no pair of poses with a speed between them";
-    r.unexplained_per_km.reason = r.reason;
-  } else if (r.km <= 0.0) {
-    r.unexplained_per_km.reason = "nothing driven";
-  } else {
-    const math::Rate rate = math::poisson_rate(static_cast<double>(r.count(JumpCause::unexplained)), r.km);
-    r.unexplained_per_km = {
-        rate.value, "1/km", rate.lo, rate.hi, static_cast<std::int64_t>(r.count(JumpCause::unexplained)), r.km, ""};
-  }
+  take_rates(r, config);
   return r;
 }
 

@@ -10,6 +10,9 @@
 // the spot between two polls (v0 + v1 <= 1.1 dt times the hardest |dv|/dt seen), b_theta is what the fastest turn could
 // do unseen, and b_k includes I |phi| / 2 (first driven, then turned).
 //
+// What is allowed grows with the square of the period: of steps of 0.5 m a robot at 1 m/s shows all at 1 s, a quarter
+// at 2 s. "No jump" says something only where a step of jump_seen_m would have shown on most of the distance.
+//
 // Not a jump when the error goes on in a neighbouring interval (40 % of it, and more than half of what the neighbour
 // may be off by itself): that is slip. Across a hole (gap, restart, lost localisation) only a robot whose counter did
 // not move can be judged. Cause, in order: map, localisation, method, confidence, gap ("cannot tell"), unexplained.
@@ -36,15 +39,19 @@ struct Jump {
   double allowed_rad = 0;
   double confidence = -1;  ///< lowest within 2 s; -1 = none
   JumpCause cause = JumpCause::unexplained;
+  bool resolved = false;  ///< a step of jump_seen_m would have shown here
 };
 
 struct JumpResult {
   std::vector<Jump> jumps;
   double km = 0;                ///< counter distance over which jumps were looked for
+  double seen_km = 0;           ///< part of it on which a step of jump_seen_m would have shown
   std::uint64_t sustained = 0;  ///< intervals that were off together with a neighbour
   std::uint64_t intervals = 0;
-  Quantity unexplained_per_km;  ///< Garwood limits
-  std::string reason;           ///< why nothing could be looked at; empty when it could
+  Quantity unexplained_per_km;  ///< over seen_km, Garwood limits; missing when that is less than half
+  double least_per_km = 0;      ///< lower limit over all of km: jumps that did not show can only raise the rate
+  double period_s = kNone;
+  std::string reason;  ///< why nothing could be looked at; empty when it could
   [[nodiscard]] std::uint64_t count(JumpCause cause) const;
   /// True when a pose track is cut between rows row-1 and row.
   [[nodiscard]] bool at(std::size_t row) const;

@@ -148,12 +148,9 @@ class Strider {
 };
 
 std::string why_not(const Track& track, const StandstillResult& still, const Config& config) {
-  const double period = track.period_s();
-  if (std::isnan(period)) {
-    return "fewer than two rows";
-  }
-  if (period > config.period_max_s) {
-    return fmt::format("period {:.3g} s: the path needs polling at least every {:.3g} s", period, config.period_max_s);
+  const std::string slow = too_slow(track.period_s(), config, "the path needs");
+  if (!slow.empty()) {
+    return slow;
   }
   if (track.rows_with(kPose) == 0) {
     return "the log has no localised pose";

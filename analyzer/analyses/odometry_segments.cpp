@@ -1,5 +1,7 @@
 #include "analyzer/analyses/odometry_segments.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -72,6 +74,15 @@ std::size_t bit_of(Tag tag) {
 
 std::string_view cut_name(Cut cut) { return kCuts[static_cast<std::size_t>(cut)].name; }
 std::string_view cut_meaning(Cut cut) { return kCuts[static_cast<std::size_t>(cut)].meaning; }
+
+std::string too_slow(double period_s, const Config& config, std::string_view what_needs) {
+  if (std::isnan(period_s)) {
+    return "fewer than two rows";
+  }
+  return period_s <= kJitter * config.period_max_s ? ""
+                                                   : fmt::format("period {:.3g} s: {} polling at least every {:.3g} s",
+                                                                 period_s, what_needs, config.period_max_s);
+}
 
 double Preparation::gap_s() const {
   double period = planned_s_;

@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "analyzer/analyses/odometry_settings.hpp"
@@ -41,6 +42,12 @@ struct RawRow {
   std::uint64_t map = 0;  ///< hash of map name and md5; 0 = not given
   bool manual = false, free_wheel = false, charging = false;
 };
+
+/// Polls come a little early or late: a time that is a whole number of periods by plan may last this much longer.
+inline constexpr double kJitter = 1.05;
+/// Why a measure of poses cannot be had with this median pause between rows, e.g. "period 10 s: drift needs polling at
+/// least every 2 s"; empty when it can. 2 s by plan are 2 s, whatever their jitter.
+std::string too_slow(double period_s, const Config& config, std::string_view what_needs);
 
 /// A counter that is lower by less has not fallen: some controllers print sums with their last digits trembling.
 inline constexpr double kTremble_m = 1e-6;

@@ -36,6 +36,7 @@ struct Config {
   double jump_rad = 0;
   double jump_sigmas = 0;
   double jump_min_km = 0;
+  double jump_seen_m = 0;
   double still_run_s = 0;
   double chord_min = 0;
   double scale_pass = 0;

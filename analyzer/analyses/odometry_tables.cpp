@@ -344,8 +344,9 @@ std::vector<std::string> make_notes(const RobotResult& r) {
   }
   if (r.jumps.reason.empty()) {
     notes.push_back(
-        fmt::format("{}: {} intervals looked at for jumps, {} off together with a neighbour (slip, not a jump)",
-                    r.robot, r.jumps.intervals, r.jumps.sustained));
+        fmt::format("{}: {} intervals looked at for jumps, {} off together with a neighbour (slip, not a jump); a step "
+                    "of {:.2g} m would have shown on {:.3g} of {:.3g} km",
+                    r.robot, r.jumps.intervals, r.jumps.sustained, r.config.jump_seen_m, r.jumps.seen_km, r.jumps.km));
   }
   if (r.g_trend && s.speed.g.value) {
     notes.push_back(fmt::format("{}: trend of g over {} days: {:+.3g} per day [{:+.3g}, {:+.3g}], p = {:.2g}", r.robot,

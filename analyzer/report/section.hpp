@@ -39,8 +39,8 @@ struct ColumnSpec {
   std::string description;
   /// Quantity columns print as name, name_lo, name_hi in CSV when true.
   bool interval = false;
-  /// Time columns print as name_utc, name_unix_ms in CSV, also where no row has a time: say so for every column that can
-  /// hold one.
+  /// Time columns print as name_utc, name_unix_ms in CSV, also where no row has a time: say so for every column that
+  /// can hold one.
   bool time = false;
 };
 

@@ -118,11 +118,39 @@ TEST_CASE("a localisation jump gets the cause that the log shows") {
         "confidence");
 }
 
+TEST_CASE("at 2 s the row next to a jump explains it, whatever the jitter") {
+  for (const double jitter_s : {0.0, 0.1}) {
+    for (const std::uint64_t seed : {1U, 2U, 3U}) {
+      PaperRobot robot = robot_of(1.0);
+      robot.seed = seed;
+      const auto edit = [](PaperAnswer& a) {
+        a.x += a.t_s >= 1800.0 ? 3.0 : 0.0;
+        a.confidence = a.t_s >= 1802.0 && a.t_s < 1804.0 ? 0.55 : 0.95;  // one poll later
+      };
+      PaperLog log(robot, {{Source::status, 2.0, 0.0, edit, jitter_s}});
+      const Section s = run_odometry(log);
+      INFO(jitter_s << " " << seed);
+      REQUIRE(table(s, "jumps").rows.size() == 1);
+      CHECK(text(s, "jumps", "cause") == "confidence");
+    }
+  }
+}
+
 TEST_CASE("jumps at many places fail") {
   PaperLog log = status_log(robot_of(4.0), [](PaperAnswer& a) { a.x += 0.4 * std::floor(a.t_s / 600.0); });
   const Section s = run_odometry(log);
   CHECK(finding(s, "LOC-02").verdict == Verdict::fail);
   CHECK(table(s, "jumps").rows.size() == 23);
+}
+
+TEST_CASE("jumps fail also where polling is too slow to see most of them") {
+  const auto edit = [](PaperAnswer& a) { a.x += 2.0 * std::floor(a.t_s / 600.0); };
+  PaperLog log(robot_of(4.0), {{Source::status, 2.0, 0.0, edit}});
+  const Finding f = finding(run_odometry(log), "LOC-02");
+  CHECK(f.verdict == Verdict::fail);
+  CHECK_FALSE(f.value.value.has_value());
+  CHECK(f.value.reason.find("would have shown on 0 of") != std::string::npos);
+  CHECK_FALSE(f.evidence.empty());
 }
 
 TEST_CASE("odometry mode is left out of every pose measure") {

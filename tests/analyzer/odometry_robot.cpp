@@ -27,7 +27,7 @@ struct Poller {
 
 PaperAnswer answer(Poller& p, const PaperRobot& robot) {
   PaperAnswer a;
-  a.t_s = p.due() + 0.002 * p.random.uniform();
+  a.t_s = p.due() + p.stream->jitter_s * p.random.uniform();
   const PaperState s = p.drive.at(a.t_s);
   a.uptime_s = rounded(1000.0 + a.t_s, 1e-3);
   a.x = rounded(s.pose.x + robot.sigma_m * p.gauss(), 1e-4);

@@ -152,6 +152,7 @@ class PaperLog final : public RowSource {
     double period_s = 1.0;
     double offset_s = 0.0;
     std::function<void(PaperAnswer&)> edit;
+    double jitter_s = 0.002;  ///< polls are up to this late, uniformly
   };
 
   PaperLog(const PaperRobot& robot, std::vector<Stream> streams, std::size_t slice_rows = 3600)

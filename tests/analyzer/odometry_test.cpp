@@ -143,6 +143,56 @@ TEST_CASE("a polling period of 10 s decides nothing and says so") {
   CHECK(finding(s, "ODO-01").verdict == Verdict::pass);
 }
 
+TEST_CASE("polls that are 2 s apart by plan decide the same whatever their jitter") {
+  for (const double jitter_s : {0.0, 0.002, 0.1, 0.5}) {
+    for (const std::uint64_t seed : {1U, 2U}) {
+      PaperRobot robot;
+      robot.hours = 12.0;
+      robot.seed = seed;
+      PaperLog log(robot, {{Source::status, 2.0, 0.0, {}, jitter_s}});
+      const Section s = run_odometry(log);
+      INFO("jitter " << jitter_s << " s, seed " << seed);
+      CHECK(finding(s, "ODO-03").verdict == Verdict::pass);
+      CHECK(finding(s, "ODO-07").verdict == Verdict::pass);
+      CHECK(finding(s, "LOC-02").verdict == Verdict::unknown);
+      CHECK(finding(s, "LOC-02").value.reason.find("s: a step of 0.5 m would have shown on") != std::string::npos);
+    }
+  }
+}
+
+TEST_CASE("polls slower than 2 s by more than jitter decide nothing about path, drift and jumps") {
+  PaperRobot robot;
+  robot.hours = 2.0;
+  PaperLog log(robot, {{Source::status, 2.2, 0.0, {}, 0.1}});
+  const Section s = run_odometry(log);
+  for (const char* id : {"ODO-03", "ODO-07", "LOC-02"}) {
+    INFO(id);
+    CHECK(finding(s, id).verdict == Verdict::unknown);
+    CHECK(finding(s, id).value.reason.find("period 2.2 s") == 0);
+  }
+}
+
+TEST_CASE("no jump is a PASS only where half a metre would have shown on most of the distance") {
+  PaperRobot robot;
+  robot.hours = 1.0;
+  PaperLog at_1s = status_log(robot);
+  PaperLog at_2s = status_log(robot, {}, 2.0);
+  const Section fast = run_odometry(at_1s);
+  const Section slow = run_odometry(at_2s);
+  CHECK(finding(fast, "LOC-02").verdict == Verdict::pass);
+  CHECK(*finding(fast, "LOC-02").value.exposure == Approx(number(fast, "counter", "counted_m") / 1000.0).epsilon(0.01));
+  const Finding& f = finding(slow, "LOC-02");
+  CHECK(f.verdict == Verdict::unknown);
+  CHECK(f.value.reason.find("period 2 s: a step of 0.5 m would have shown on 0 of") == 0);
+  CHECK(f.advice.find("1 Hz") != std::string::npos);
+
+  Settings coarse;
+  coarse.set("odometry.jump_seen_m", 2.0, "site.toml:7");
+  const Section metres = run_odometry(at_2s, coarse);
+  CHECK(finding(metres, "LOC-02").verdict == Verdict::pass);
+  CHECK(finding(metres, "LOC-02").threshold_source.find("site.toml:7") != std::string::npos);
+}
+
 TEST_CASE("logs that cannot answer are unknown with the reason") {
   PaperRobot robot;
   robot.hours = 0.5;
