@@ -218,7 +218,8 @@ std::string schema_sql() {
   std::string out = fmt::format("PRAGMA application_id = {};  -- \"TACH\"\nPRAGMA user_version = {};\n", kApplicationId,
                                 kSchemaVersion);
   for (const Table& table : kTables) {
-    out += "\n" + create_sql(table);
+    out += "\n";
+    out += create_sql(table);
   }
   return out;
 }
