@@ -40,6 +40,12 @@ void print(const std::string& name, double value, const char* unit) {
   fmt::print("{{\"name\":\"blocks/{}\",\"value\":{:.6g},\"unit\":\"{}\"}}\n", name, value, unit);
 }
 
+/// A figure with a goal; `better` is "lower" or "higher".
+void print(const std::string& name, double value, const char* unit, double limit, const char* better) {
+  fmt::print("{{\"name\":\"blocks/{}\",\"value\":{:.6g},\"unit\":\"{}\",\"limit\":{:g},\"better\":\"{}\"}}\n", name,
+             value, unit, limit, better);
+}
+
 /// Polls at a steady rate, with the jitter of a network.
 class Clock {
  public:
@@ -219,7 +225,8 @@ void print_doubles(const Encoded& encoded, const std::string& length, double row
     }
   }
   print("doubles" + length, static_cast<double>(doubles), "columns");
-  print("double" + length, bytes / rows / static_cast<double>(std::max<std::size_t>(doubles, 1)), "B");
+  constexpr double kGoal = 6.5;
+  print("double" + length, bytes / rows / static_cast<double>(std::max<std::size_t>(doubles, 1)), "B", kGoal, "lower");
 }
 
 /// Values of six numeric paths of all blocks, until it has taken long enough to be measured.
@@ -245,7 +252,8 @@ void scan(const Encoded& encoded, const std::vector<std::string>& paths, const s
       rows += decoder.head().rows;
     }
   }
-  print(name, rows / (cpu_seconds() - start) / 1e6, "Mrows/s");
+  constexpr double kGoal = 20;
+  print(name, rows / (cpu_seconds() - start) / 1e6, "Mrows/s", kGoal, "higher");
   if (sum == 0) {
     fmt::print(stderr, "block_bench: nothing was read\n");
   }
@@ -291,7 +299,7 @@ void bench_registers(bool rounded) {
     const std::string length = fmt::format("_{}", n);
     const Encoded encoded = encode(answers, n);
     print(name + length, encoded.bytes / kRows, "B/row");
-    print(name + "_field" + length, encoded.bytes / kRows / fields, "B");
+    print(name + "_field" + length, encoded.bytes / kRows / fields, "B", rounded ? 0.2 : 0.5, "lower");
     print(name + "_encode" + length, kRows / encoded.seconds, "rows/s");
     scan(encoded, {"3x1-2", "3x3-4", "3x5-6", "3x51-52", "3x55-56", "3x11-12"}, name + "_scan_six" + length);
   }

@@ -61,7 +61,7 @@ inline void check_answers(const std::string& block, const std::vector<Answer>& a
   std::size_t different = 0;
   const std::string damage = decoder.answers([&](std::size_t row, const Answer& answer) {
     ++count;
-    different += row < answers.size() && same(answer, answers[row]) ? 0 : 1;
+    different += row < answers.size() && same(answer, answers[row]) ? 0U : 1U;
   });
   CHECK(damage == "");
   CHECK(count == answers.size());

@@ -147,14 +147,15 @@ void pack_low_bits(std::span<const std::uint64_t> values, Planes& planes) {
   }
 }
 
-/// The cut that promises to be smallest: where the noise ends, or some bits below, where the statistics of a plane
-/// still help.
+/// The cut that promises to be smallest: near where the noise ends. Some bits below, the statistics of a plane may
+/// still help; some above, a plane of fewer symbols needs a smaller table.
 Planes best_cut(std::span<const std::uint64_t> values) {
-  constexpr unsigned kBelow = 5;
+  constexpr unsigned kNear = 3;
   const unsigned noise = noise_bits(values);
   Planes best;
   double least = 0;
-  for (unsigned low = noise > kBelow ? noise - kBelow : 0; low <= noise; ++low) {
+  const unsigned last = noise == 0 ? 0 : std::min(noise + kNear, kMaxLowBits);
+  for (unsigned low = noise > kNear ? noise - kNear : 0; low <= last; ++low) {
     Planes planes = cut(values, low);
     const auto rows = static_cast<double>(planes.rows);
     double bytes = rows * low / 8;
