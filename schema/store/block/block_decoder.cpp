@@ -18,12 +18,14 @@ std::string raw_damage(std::uint32_t rows) {
   return fmt::format("{} answers that were kept as they are are damaged", rows);
 }
 
+std::string_view unchecked_frame(std::string_view block, const TextFrame& frame) {
+  const bool inside = frame.offset <= block.size() && frame.length <= block.size() - frame.offset;
+  return inside ? block.substr(frame.offset, frame.length) : std::string_view{};
+}
+
 /// The frame's bytes; empty when they are not those that were written.
 std::string_view frame_of(std::string_view block, const TextFrame& frame) {
-  if (frame.offset > block.size() || frame.length > block.size() - frame.offset) {
-    return {};
-  }
-  const std::string_view bytes = block.substr(frame.offset, frame.length);
+  const std::string_view bytes = unchecked_frame(block, frame);
   return static_cast<std::uint32_t>(Checksum().add_bytes(bytes).value()) == frame.checksum ? bytes : std::string_view{};
 }
 
@@ -55,26 +57,33 @@ std::string BlockDecoder::open(std::string_view block) {
 }
 
 bool BlockDecoder::load_shapes() {
-  const std::string_view frame = frame_of(block_, directory_.shapes);
-  if (frame.empty()) {
-    return false;
-  }
+  table_ = std::make_shared<const ShapeTable>(head_.source);
+  // Equal to bytes that were good is good: their checksum need not be looked at.
+  const std::string_view stored = unchecked_frame(block_, directory_.shapes);
   const std::size_t leaves = directory_.columns - kRowColumns;
-  if (frame == shape_frame_ && table_source_ == head_.source && directory_.shapes.count == table_.shapes().size()) {
-    return leaves == table_.columns().size();
+  const auto known = std::find_if(known_.begin(), known_.end(), [&](const KnownShapes& shapes) {
+    return shapes.source == head_.source && shapes.frame == stored &&
+           shapes.table->shapes().size() == directory_.shapes.count;
+  });
+  if (known != known_.end()) {
+    table_ = known->table;
+    return leaves == table_->columns().size();
   }
-  shape_frame_.clear();
-  table_ = ShapeTable(head_.source);
+  const std::string_view frame = frame_of(block_, directory_.shapes);
+  auto table = std::make_shared<ShapeTable>(head_.source);
   ByteReader in(frame);
   std::vector<std::string_view> texts;
   std::vector<char> storage;
-  if (directory_.shapes.count > kMaxShapes || !reader_.take_texts(in, directory_.shapes.count, texts, storage) ||
-      !std::all_of(texts.begin(), texts.end(), [&](std::string_view text) { return table_.add(text); })) {
+  if (frame.empty() || directory_.shapes.count > kMaxShapes ||
+      !reader_.take_texts(in, directory_.shapes.count, texts, storage) ||
+      !std::all_of(texts.begin(), texts.end(), [&](std::string_view text) { return table->add(text); })) {
     return false;
   }
-  shape_frame_ = frame;
-  table_source_ = head_.source;
-  return leaves == table_.columns().size();
+  table_ = table;
+  constexpr std::size_t kKept = 8;
+  known_.resize(std::min(known_.size() + 1, kKept));
+  known_[oldest_++ % kKept] = {head_.source, std::string(frame), table_};
+  return leaves == table_->columns().size();
 }
 
 bool BlockDecoder::load_constants() {
@@ -126,13 +135,13 @@ bool BlockDecoder::load_shape_of_row() {
 }
 
 void BlockDecoder::count_leaf_rows() {
-  std::vector<std::uint32_t> rows_of_shape(table_.shapes().size() + 1);
+  std::vector<std::uint32_t> rows_of_shape(table_->shapes().size() + 1);
   for (const std::int64_t shape : shape_of_row_) {
     rows_of_shape[std::min(static_cast<std::size_t>(shape), rows_of_shape.size() - 1)]++;
   }
-  rows_of_leaf_.assign(table_.columns().size(), 0);
-  for (std::size_t s = 0; s < table_.shapes().size(); ++s) {
-    for (const std::uint32_t leaf : table_.shapes()[s].columns) {
+  rows_of_leaf_.assign(table_->columns().size(), 0);
+  for (std::size_t s = 0; s < table_->shapes().size(); ++s) {
+    for (const std::uint32_t leaf : table_->shapes()[s].columns) {
       rows_of_leaf_[leaf] += rows_of_shape[s + 1];
     }
   }
@@ -140,10 +149,10 @@ void BlockDecoder::count_leaf_rows() {
 
 std::vector<ColumnInfo> BlockDecoder::columns() const {
   std::vector<ColumnInfo> infos;
-  for (std::size_t leaf = 0; shapes_good_ && leaf < table_.columns().size(); ++leaf) {
+  for (std::size_t leaf = 0; shapes_good_ && leaf < table_->columns().size(); ++leaf) {
     ColumnInfo& info = infos.emplace_back();
-    info.path = table_.columns()[leaf].path;
-    info.occurrence = table_.columns()[leaf].occurrence;
+    info.path = table_->columns()[leaf].path;
+    info.occurrence = table_->columns()[leaf].occurrence;
     std::size_t number = 0;
     const ColumnEntry* const entry = directory_.find(static_cast<std::uint32_t>(kRowColumns + leaf), number);
     if (entry == nullptr) {
@@ -213,7 +222,7 @@ bool BlockDecoder::load_headers(LoadedColumn& headers) {
 bool BlockDecoder::load_leaf(std::uint32_t leaf, LoadedColumn& column) {
   std::size_t number = 0;
   const ColumnEntry* const entry = directory_.find(kRowColumns + leaf, number);
-  const bool everywhere = head_.raw_rows == 0 && table_.columns()[leaf].shapes == table_.shapes().size();
+  const bool everywhere = head_.raw_rows == 0 && table_->columns()[leaf].shapes == table_->shapes().size();
   if (!everywhere && !load_shape_of_row()) {
     return false;
   }
@@ -257,8 +266,8 @@ std::string BlockDecoder::answers(const std::function<void(std::size_t, const An
     return std::string(kShapesOfRows);
   }
   const auto note = [&](const std::string& what) { damage += (damage.empty() ? "" : "; ") + what; };
-  std::vector<LoadedColumn> loaded(table_.columns().size());
-  RowText text(table_, shapes_good_ ? whole_shapes(table_) : std::vector<ShapePart>(),
+  std::vector<LoadedColumn> loaded(table_->columns().size());
+  RowText text(*table_, shapes_good_ ? whole_shapes(*table_) : std::vector<ShapePart>(),
                [&](std::uint32_t leaf) { return load_leaf(leaf, loaded[leaf]) ? &loaded[leaf] : nullptr; });
   LoadedColumn header;
   const bool headers = load_headers(header);

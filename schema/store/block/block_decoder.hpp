@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -38,7 +39,7 @@ struct ColumnValues {
   std::vector<ValueKind> kind;
   std::vector<double> real;           ///< numbers: exactly what reading the text gives, no scale applied
   std::vector<std::int64_t> integer;  ///< whole numbers; flags 0 or 1; floats of registers: their 32 bits
-  std::vector<std::uint32_t> text;    ///< texts without quotes and escapes; structures: their JSON; ids in the pool
+  std::vector<std::uint32_t> text;  ///< texts without quotes and escapes; arrays, objects: their JSON; ids in the pool
 };
 
 /// A column as the directory describes it.
@@ -75,7 +76,7 @@ class BlockDecoder {
   /// Yields the rows whose body was not taken apart. Their values have to be decoded from the body.
   [[nodiscard]] std::string raw_bodies(const std::function<void(std::size_t row, std::string_view body)>& yield);
 
-  /// Reads the values of a path: of a leaf (the first of a doubled key), or of an object, which is a structure. A path
+  /// Reads the values of a path: of a leaf (the first of a doubled key), or of an object. A path
   /// that no answer has is absent in all rows. Returns damage; the values are then not usable. Texts go to `pool`.
   [[nodiscard]] std::string read(const std::string& path, Want want, TextPool& pool, ColumnValues& out);
 
@@ -84,9 +85,15 @@ class BlockDecoder {
   BlockHead head_;
   BlockDirectory directory_;
   ColumnReader reader_;
-  ShapeTable table_;
-  std::string shape_frame_;  ///< bytes of the frame that table_ was made of
-  Source table_source_ = Source::status;
+  /// Shapes come back from block to block: the tables last used, and the bytes they were made of.
+  struct KnownShapes {
+    Source source = Source::status;
+    std::string frame;
+    std::shared_ptr<const ShapeTable> table;  ///< shared with table_
+  };
+  std::vector<KnownShapes> known_;
+  std::size_t oldest_ = 0;
+  std::shared_ptr<const ShapeTable> table_;
   bool shapes_good_ = false;
   enum class Constants : std::uint8_t { unread, good, damaged } constants_ = Constants::unread;
   std::vector<char> constant_bytes_;

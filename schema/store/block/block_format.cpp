@@ -128,9 +128,10 @@ class EntryReader {
   }
   bool parts(ColumnEntry& entry, int depth) {
     const std::uint64_t parts = in_.varint();
-    if (parts > in_.left()) {
+    if (parts > in_.left() || parts > kMaxEntries) {
       return false;
     }
+    entry.children.reserve(parts);  // each takes at least a byte of the directory
     for (std::uint64_t i = 0; i < parts; ++i) {
       ColumnEntry& child = entry.children.emplace_back();
       if (!take(child, depth + 1) || (child.form != ColumnForm::constant && child.count != entry.count)) {

@@ -26,7 +26,7 @@ Meaning meaning_of(std::string_view json, Want want, TextPool& pool) {
   }
   if (want.texts && value.kind == ValueKind::text) {
     meaning.text = pool.intern(unescape(json));
-  } else if (want.texts && value.kind == ValueKind::structure) {
+  } else if (want.texts && (value.kind == ValueKind::array || value.kind == ValueKind::object)) {
     meaning.text = pool.intern(json);
   }
   return meaning;
@@ -184,15 +184,15 @@ void spread_all(ColumnValues& out, const std::vector<bool>& present) {
 }  // namespace
 
 bool BlockDecoder::present_rows(std::uint32_t leaf, std::vector<bool>& present) {
-  if (head_.raw_rows == 0 && table_.columns()[leaf].shapes == table_.shapes().size()) {
+  if (head_.raw_rows == 0 && table_->columns()[leaf].shapes == table_->shapes().size()) {
     return true;
   }
   if (!load_shape_of_row()) {
     return false;
   }
-  std::vector<bool> has(table_.shapes().size() + 1);
-  for (std::size_t s = 0; s < table_.shapes().size(); ++s) {
-    const std::vector<std::uint32_t>& columns = table_.shapes()[s].columns;
+  std::vector<bool> has(table_->shapes().size() + 1);
+  for (std::size_t s = 0; s < table_->shapes().size(); ++s) {
+    const std::vector<std::uint32_t>& columns = table_->shapes()[s].columns;
     has[s + 1] = std::find(columns.begin(), columns.end(), leaf) != columns.end();
   }
   present.resize(head_.rows);
@@ -207,17 +207,17 @@ std::string BlockDecoder::read(const std::string& path, Want want, TextPool& poo
   if (!shapes_good_) {
     return "the shapes of the block are damaged";
   }
-  const std::optional<std::uint32_t> leaf = table_.find(path);
+  const std::optional<std::uint32_t> leaf = table_->find(path);
   if (!leaf) {
     fill(out, head_.rows, {}, want);
   } else if (!read_leaf(*leaf, want, pool, out)) {
     return "column " + path + " is damaged";
   }
-  return table_.has_object(path) ? read_object(path, want, pool, out) : "";
+  return table_->has_object(path) ? read_object(path, want, pool, out) : "";
 }
 
 bool BlockDecoder::read_leaf(std::uint32_t leaf, Want want, TextPool& pool, ColumnValues& out) {
-  const LeafColumn& description = table_.columns()[leaf];
+  const LeafColumn& description = table_->columns()[leaf];
   std::vector<bool> present;
   if (!present_rows(leaf, present) || !load_leaf(leaf, column_)) {
     return false;
@@ -249,7 +249,7 @@ std::string BlockDecoder::read_object(const std::string& path, Want want, TextPo
     return "the shapes of the rows are damaged";
   }
   std::vector<ShapePart> parts;
-  for (const Shape& shape : table_.shapes()) {
+  for (const Shape& shape : table_->shapes()) {
     const auto object = std::find_if(shape.objects.begin(), shape.objects.end(),
                                      [&](const JsonObject& candidate) { return candidate.path == path; });
     ShapePart& part = parts.emplace_back();
@@ -257,8 +257,8 @@ std::string BlockDecoder::read_object(const std::string& path, Want want, TextPo
       part = {object->begin, object->end, object->first, object->last};
     }
   }
-  std::vector<LoadedColumn> loaded(table_.columns().size());
-  RowText text(table_, parts, [&](std::uint32_t leaf) -> const LoadedColumn* {
+  std::vector<LoadedColumn> loaded(table_->columns().size());
+  RowText text(*table_, parts, [&](std::uint32_t leaf) -> const LoadedColumn* {
     return load_leaf(leaf, loaded[leaf]) ? &loaded[leaf] : nullptr;
   });
   if (!text.missing().empty()) {
@@ -275,7 +275,7 @@ std::string BlockDecoder::read_object(const std::string& path, Want want, TextPo
     // A scalar under the same key came first where both are there.
     if (given && out.kind[row] == ValueKind::absent) {
       const std::uint32_t id = want.texts ? pool.intern(body) : 0;
-      put(out, row, {ValueKind::structure, 0, 0, id}, want);
+      put(out, row, {ValueKind::object, 0, 0, id}, want);
     }
   }
   return "";

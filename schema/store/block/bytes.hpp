@@ -1,8 +1,7 @@
 #pragma once
 // Numbers as bytes inside a block: little-endian, varints of seven bits, low group first.
 
-#include <array>
-#include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -47,8 +46,13 @@ class ByteReader {
     return head;
   }
   std::uint8_t byte() {
-    const std::string_view one = take(1);
-    return one.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(one.front());
+    if (bytes_.empty()) {
+      fail();
+      return 0;
+    }
+    const auto value = static_cast<std::uint8_t>(bytes_.front());
+    bytes_.remove_prefix(1);
+    return value;
   }
   std::uint64_t varint() {
     std::uint64_t value = 0;

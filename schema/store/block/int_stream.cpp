@@ -16,6 +16,7 @@ constexpr std::uint8_t kSparse = 4;
 constexpr std::uint8_t kOneByOne = 8;
 constexpr std::uint8_t kPredictionMask = 3;
 constexpr unsigned kPlanes = 8;
+constexpr unsigned kMaxLowBits = 56;  // with any start inside a byte they fit 64 bits
 
 std::int64_t subtract(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
@@ -27,11 +28,23 @@ struct Residuals {
   std::string seeds;
 };
 
+/// The smallest value with its low bits cleared where that costs no plane: then the low bits stay as they are, and what
+/// they were (say, the mantissa of a double) does not borrow from the bits above.
+std::int64_t base_of(std::span<const std::int64_t> values) {
+  const auto [min, max] = std::minmax_element(values.begin(), values.end());
+  const auto range = static_cast<std::uint64_t>(subtract(*max, *min));
+  constexpr int kTopBits = 4;
+  const int clear = std::max(static_cast<int>(std::bit_width(range)) - kTopBits, 0);
+  const auto base = static_cast<std::int64_t>(static_cast<std::uint64_t>(*min) >> clear << clear);
+  const auto planes = [](std::uint64_t value) { return (std::bit_width(value) + 7) / 8; };
+  return planes(static_cast<std::uint64_t>(subtract(*max, base))) > planes(range) ? *min : base;
+}
+
 Residuals predict(std::span<const std::int64_t> values, Prediction prediction) {
   Residuals left;
   left.values.resize(values.size());
   if (prediction == kNone) {
-    const std::int64_t base = *std::min_element(values.begin(), values.end());
+    const std::int64_t base = base_of(values);
     put_varint(left.seeds, zigzag(base));
     for (std::size_t i = 0; i < values.size(); ++i) {
       left.values[i] = static_cast<std::uint64_t>(subtract(values[i], base));
@@ -70,36 +83,92 @@ double ideal_bytes(std::string_view plane) {
   return bits / 8 + static_cast<double>(symbols) / 2;
 }
 
-/// Residuals cut into planes, low plane first.
+/// Low bits that look like noise: about as often set as not.
+unsigned noise_bits(std::span<const std::uint64_t> values) {
+  const auto rows = static_cast<double>(values.size());
+  const double tolerance = 0.05 + 1 / std::sqrt(rows);
+  unsigned bits = 0;
+  for (; bits < kMaxLowBits; ++bits) {
+    std::uint64_t ones = 0;
+    for (const std::uint64_t value : values) {
+      ones += value >> bits & 1U;
+    }
+    if (std::abs(static_cast<double>(ones) / rows - 0.5) > tolerance) {
+      break;
+    }
+  }
+  return bits;
+}
+
+/// Residuals cut into low bits and, above them, planes, low plane first.
 struct Planes {
+  unsigned low = 0;
+  std::string low_bits;
   std::string bytes;
   unsigned count = 0;  ///< planes that are not all zero
-  unsigned raw = 0;    ///< low planes that are noise
   std::size_t rows = 0;
   [[nodiscard]] std::string_view at(unsigned plane) const { return std::string_view(bytes).substr(plane * rows, rows); }
 };
 
-Planes cut(std::span<const std::uint64_t> values) {
+Planes cut(std::span<const std::uint64_t> values, unsigned low) {
   Planes planes;
+  planes.low = low;
   planes.rows = values.size();
   std::uint64_t all = 0;
   for (const std::uint64_t value : values) {
     all |= value;
   }
-  planes.count = static_cast<unsigned>((std::bit_width(all) + 7) / 8);
+  planes.count = static_cast<unsigned>((std::bit_width(all >> low) + 7) / 8);
   planes.bytes.resize(planes.count * planes.rows);
   for (unsigned p = 0; p < planes.count; ++p) {
     char* const plane = planes.bytes.data() + p * planes.rows;
     for (std::size_t i = 0; i < planes.rows; ++i) {
-      plane[i] = static_cast<char>(values[i] >> (8U * p));
+      plane[i] = static_cast<char>(values[i] >> low >> (8U * p));
     }
   }
-  constexpr double kWorthIt = 0.96;
-  while (planes.raw < planes.count &&
-         ideal_bytes(planes.at(planes.raw)) > kWorthIt * static_cast<double>(planes.rows)) {
-    ++planes.raw;
-  }
   return planes;
+}
+
+void pack_low_bits(std::span<const std::uint64_t> values, Planes& planes) {
+  planes.low_bits.resize((values.size() * planes.low + 7) / 8);
+  const std::uint64_t mask = (std::uint64_t{1} << planes.low) - 1;
+  std::uint64_t waiting = 0;
+  unsigned bits = 0;
+  std::size_t at = 0;
+  for (const std::uint64_t value : values) {
+    waiting |= (value & mask) << bits;
+    for (bits += planes.low; bits >= 8; bits -= 8) {
+      planes.low_bits[at++] = static_cast<char>(waiting);
+      waiting >>= 8U;
+    }
+  }
+  if (bits > 0) {
+    planes.low_bits[at] = static_cast<char>(waiting);
+  }
+}
+
+/// The cut that promises to be smallest: near where the noise ends. Some bits below, the statistics of a plane may
+/// still help; some above, a plane of fewer symbols needs a smaller table.
+Planes best_cut(std::span<const std::uint64_t> values) {
+  constexpr unsigned kNear = 3;
+  const unsigned noise = noise_bits(values);
+  Planes best;
+  double least = 0;
+  const unsigned last = noise == 0 ? 0 : std::min(noise + kNear, kMaxLowBits);
+  for (unsigned low = noise > kNear ? noise - kNear : 0; low <= last; ++low) {
+    Planes planes = cut(values, low);
+    const auto rows = static_cast<double>(planes.rows);
+    double bytes = rows * low / 8;
+    for (unsigned p = 0; p < planes.count; ++p) {
+      bytes += std::min(ideal_bytes(planes.at(p)), rows);
+    }
+    if (best.rows == 0 || bytes < least) {
+      least = bytes;
+      best = std::move(planes);
+    }
+  }
+  pack_low_bits(values, best);
+  return best;
 }
 
 /// Keeps the smallest of several encodings. A later one must be smaller by `kBias` bytes, because earlier ones are
@@ -122,21 +191,19 @@ void offer_planes(std::uint8_t header, const Planes& planes, const std::string& 
                   Smallest& smallest) {
   const auto start = [&](std::uint8_t flags) {
     std::string out(1, static_cast<char>(header | flags | planes.count << 4U));
-    if (planes.count > 0) {
-      out.push_back(static_cast<char>(planes.raw));
-    }
+    out.push_back(static_cast<char>(planes.low));
     out += prefix;
-    out.append(planes.bytes, 0, planes.raw * planes.rows);
+    out += planes.low_bits;
     return out;
   };
   std::string together = start(0);
-  if (planes.raw < planes.count) {
-    packer.append(together, std::string_view(planes.bytes).substr(planes.raw * planes.rows));
+  if (planes.count > 0) {
+    packer.append(together, planes.bytes);
   }
   smallest.offer(std::move(together));
-  if (planes.count - planes.raw > 1) {
+  if (planes.count > 1) {
     std::string one_by_one = start(kOneByOne);
-    for (unsigned p = planes.raw; p < planes.count; ++p) {
+    for (unsigned p = 0; p < planes.count; ++p) {
       packer.append(one_by_one, planes.at(p));
     }
     smallest.offer(std::move(one_by_one));
@@ -158,7 +225,7 @@ void offer_sparse(Prediction prediction, const Residuals& left, Packer& packer, 
   }
   std::string prefix = left.seeds;
   packer.append(prefix, bitmap);
-  offer_planes(static_cast<std::uint8_t>(prediction | kSparse), cut(others), prefix, packer, smallest);
+  offer_planes(static_cast<std::uint8_t>(prediction | kSparse), best_cut(others), prefix, packer, smallest);
 }
 
 template <unsigned Count>
@@ -176,11 +243,31 @@ using Merge = void (*)(const std::array<const char*, kPlanes>&, std::size_t, std
 constexpr std::array<Merge, kPlanes + 1> kMerge{merge<0>, merge<1>, merge<2>, merge<3>, merge<4>,
                                                 merge<5>, merge<6>, merge<7>, merge<8>};
 
+/// Adds low bits below what the planes gave.
+void add_low_bits(std::string_view bits, unsigned low, std::size_t rows, std::uint64_t* out) {
+  const std::uint64_t mask = (std::uint64_t{1} << low) - 1;
+  std::size_t i = 0;
+  if constexpr (std::endian::native == std::endian::little) {
+    for (; i < rows && i * low / 8 + sizeof(std::uint64_t) <= bits.size(); ++i) {
+      std::uint64_t word = 0;
+      std::memcpy(&word, bits.data() + i * low / 8, sizeof word);
+      out[i] = out[i] << low | (word >> (i * low % 8) & mask);
+    }
+  }
+  for (; i < rows; ++i) {
+    std::uint64_t word = 0;
+    for (std::size_t k = 0; k < sizeof word && i * low / 8 + k < bits.size(); ++k) {
+      word |= std::uint64_t{static_cast<unsigned char>(bits[i * low / 8 + k])} << (8 * k);
+    }
+    out[i] = out[i] << low | (word >> (i * low % 8) & mask);
+  }
+}
+
 /// Spreads `others` over the set bits; `values` has one element more than rows.
 void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, std::vector<std::int64_t>& values) {
   std::size_t next = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::uint64_t bit = static_cast<unsigned>(static_cast<unsigned char>(bitmap[i / 8])) >> (i % 8) & 1U;
+    const std::uint64_t bit = std::uint64_t{static_cast<unsigned char>(bitmap[i / 8])} >> (i % 8) & 1U;
     values[i] = static_cast<std::int64_t>(others[next] & (0 - bit));
     next += bit;
   }
@@ -212,10 +299,14 @@ void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::stri
   for (std::uint8_t p = kNone; p < kPredictions; ++p) {
     const auto prediction = static_cast<Prediction>(p);
     const Residuals left = predict(values, prediction);
-    const Planes planes = cut(left.values);
-    offer_planes(prediction, planes, left.seeds, packer, smallest);
-    if (planes.count == 0) {
+    const Planes whole = cut(left.values, 0);
+    offer_planes(prediction, whole, left.seeds, packer, smallest);
+    if (whole.count == 0) {
       break;  // nothing is smaller
+    }
+    const Planes planes = best_cut(left.values);
+    if (planes.low > 0) {
+      offer_planes(prediction, planes, left.seeds, packer, smallest);
     }
     offer_sparse(prediction, left, packer, smallest);
   }
@@ -224,15 +315,9 @@ void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::stri
 
 bool IntReader::take_planes(ByteReader& in, const Header& header, std::size_t count, std::uint64_t* out) {
   std::array<const char*, kPlanes> plane{};
-  const std::string_view low = in.take(header.raw * count);
-  if (!in.good()) {
-    return false;
-  }
-  for (unsigned p = 0; p < header.raw; ++p) {
-    plane[p] = low.data() + p * count;
-  }
-  const unsigned step = (header.flags & kOneByOne) != 0 ? 1 : header.planes - header.raw;
-  for (unsigned p = header.raw; p < header.planes; p += step) {
+  const std::string_view low_bits = in.take((count * header.low + 7) / 8);
+  const unsigned step = (header.flags & kOneByOne) != 0 ? 1 : header.planes;
+  for (unsigned p = 0; p < header.planes; p += step) {
     const std::optional<std::string_view> piece = unpacker_.take(in, step * count, planes_[p]);
     if (!piece) {
       return false;
@@ -242,7 +327,10 @@ bool IntReader::take_planes(ByteReader& in, const Header& header, std::size_t co
     }
   }
   kMerge[header.planes](plane, count, out);
-  return true;
+  if (header.low > 0) {
+    add_low_bits(low_bits, header.low, count, out);
+  }
+  return in.good();
 }
 
 bool IntReader::take_residuals(ByteReader& in, const Header& header, std::vector<std::int64_t>& values) {
@@ -281,11 +369,11 @@ bool IntReader::take(ByteReader& in, std::size_t count, std::vector<std::int64_t
   Header header;
   header.flags = in.byte();
   header.planes = header.flags >> 4U;
-  header.raw = header.planes > 0 ? in.byte() : 0U;
+  header.low = in.byte();
   const int prediction = header.flags & kPredictionMask;
   const auto seed = static_cast<std::uint64_t>(in.signed_varint());
   const auto slope = static_cast<std::uint64_t>(prediction == kLine ? in.signed_varint() : 0);
-  if (!in.good() || header.planes > kPlanes || header.raw > header.planes || prediction == kPredictions ||
+  if (!in.good() || header.planes > kPlanes || header.low > kMaxLowBits || prediction == kPredictions ||
       !take_residuals(in, header, values)) {
     return false;
   }

@@ -3,12 +3,12 @@
 //   1. prediction: none (less the smallest), the value before, or the line through the two before; the differences are
 //      zigzagged. All arithmetic wraps, so the bit patterns of floating point numbers go the same way.
 //   2. where many differences are zero: a bitmap of the others, and only those
-//   3. byte planes (all lowest bytes, then all second ones, ...). Low planes that are noise stay as they are, so that
-//      they do not spoil the statistics of the high ones; the high planes go through zstd, together or one by one.
+//   3. low bits that are noise are packed as they are, so that they neither spoil the statistics of the bits above nor
+//      cost time to unpack; the bits above them are cut into byte planes (all lowest bytes, then all second ones, ...)
+//      that go through zstd, together or one by one.
 //
-// Layout: header byte (prediction, bit 2 sparse, bit 3 one by one, planes << 4), one byte per `raw planes` when there
-// are planes, one or two signed varints (base; first value; first value and first difference), [bitmap piece], raw
-// planes, pieces of the other planes.
+// Layout: flags (prediction, bit 2 sparse, bit 3 one by one, planes << 4), low bits per value, one or two signed
+// varints (base; first value; first value and first difference), [bitmap piece], low bits, pieces of the planes.
 
 #include <cstdint>
 #include <span>
@@ -33,7 +33,7 @@ class IntReader {
   struct Header {
     std::uint8_t flags = 0;
     unsigned planes = 0;
-    unsigned raw = 0;
+    unsigned low = 0;
   };
   Unpacker unpacker_;
   std::vector<char> bitmap_;

@@ -421,8 +421,11 @@ bool to_whole(double real, std::int64_t& integer) {
 
 JsonValue json_value(std::string_view leaf) {
   JsonValue value;
-  value.kind = ValueKind::structure;
+  value.kind = ValueKind::object;
   switch (leaf.empty() ? kHole : leaf.front()) {
+    case '[':
+      value.kind = ValueKind::array;
+      return value;
     case '"':
       value.kind = leaf.size() > 1 && leaf.back() == '"' ? ValueKind::text : value.kind;
       return value;

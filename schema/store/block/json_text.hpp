@@ -47,10 +47,11 @@ enum class ValueKind : std::uint8_t {
   absent,
   null,
   number,
-  whole,     ///< number that `integer` holds exactly, however spelt (5, 5.0)
-  flag,      ///< `integer` is 0 or 1
-  text,      ///< string
-  structure  ///< array or object
+  whole,  ///< number that `integer` holds exactly, however spelt (5, 5.0)
+  flag,   ///< `integer` is 0 or 1
+  text,   ///< string
+  array,
+  object,
 };
 
 struct JsonValue {
@@ -58,7 +59,7 @@ struct JsonValue {
   double real = 0;  ///< nearest double; -0.0 also for "-0"
   std::int64_t integer = 0;
 };
-/// The meaning of a leaf. Anything that is no JSON value is `structure`.
+/// The meaning of a leaf. Anything that is no JSON value is an `object`.
 JsonValue json_value(std::string_view leaf);
 /// The number as an integer when it is whole.
 bool to_whole(double real, std::int64_t& integer);

@@ -187,15 +187,12 @@ std::vector<NumberStyle> json_styles(std::span<const std::string_view> texts) {
   };
   std::vector<NumberStyle> styles;
   const Choice decimal = decimal_choice(survey, sample);
-  if (enough(decimal)) {
+  const Choice real = survey.significant > kFewDigits || survey.exponent ? real_choice(survey, sample) : Choice();
+  // Reals of more digits than a double surely holds are slow to read from decimals.
+  constexpr unsigned kSureDigits = 15;
+  if (enough(decimal) && (survey.significant <= kSureDigits || !enough(real))) {
     styles.push_back(*decimal.style);
-    constexpr double kNearlyAll = 0.97;
-    if (survey.significant <= kFewDigits &&
-        static_cast<double>(decimal.fits) >= kNearlyAll * static_cast<double>(sample.size())) {
-      return styles;
-    }
   }
-  const Choice real = real_choice(survey, sample);
   if (enough(real)) {
     styles.push_back(*real.style);
   }
