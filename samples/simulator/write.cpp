@@ -16,7 +16,7 @@ namespace tacho::sim {
 namespace {
 
 constexpr Micros kDay = 86'400'000'000;
-constexpr std::uint64_t kAnswersPerCommit = 5'000;
+constexpr std::uint64_t kAnswersPerCommit = 1'000;
 constexpr std::uint64_t kJitter = 201;  // noise channel
 
 // One source of one robot: its schedule and the gap that is open in it.
