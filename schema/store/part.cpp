@@ -27,7 +27,8 @@ constexpr std::string_view kUnfinished = ".unfinished-";
 // file must hold both so that moving rows into blocks is one transaction.
 constexpr const char* kPageSize = "4096";
 
-/// A rename is durable once the folder itself is on disk.
+}  // namespace
+
 void sync_folder(const fs::path& folder) {
   const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool good = file >= 0 && fsync(file) == 0;
@@ -39,8 +40,6 @@ void sync_folder(const fs::path& folder) {
     throw Error(folder.string(), std::strerror(error), "check the disk");
   }
 }
-
-}  // namespace
 
 PartRow read_part_row(Connection& connection) {
   Statement row(connection, select_sql("part"));

@@ -11,13 +11,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The folder exists afterwards.
+/// The folder exists afterwards, also after a power cut.
 const fs::path& made(const fs::path& folder) {
   std::error_code error;
-  fs::create_directories(folder, error);
+  if (folder.empty() || fs::exists(folder, error)) {
+    return folder;
+  }
+  const fs::path parent = made(folder.parent_path());
+  fs::create_directory(folder, error);
   if (error) {
     throw Error(folder.string(), error.message(), "choose a folder that this user may write to");
   }
+  sync_folder(parent.empty() ? "." : parent);
   return folder;
 }
 
