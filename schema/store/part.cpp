@@ -27,6 +27,16 @@ constexpr std::string_view kUnfinished = ".unfinished-";
 // file must hold both so that moving rows into blocks is one transaction.
 constexpr const char* kPageSize = "4096";
 
+/// Runs `work`; what the file system refuses becomes an Error.
+template <class Work>
+void in_folder(const fs::path& folder, Work work) {
+  try {
+    work();
+  } catch (const fs::filesystem_error& error) {
+    throw Error(folder.string(), error.what(), "check the disk, its free space and the rights of this user");
+  }
+}
+
 }  // namespace
 
 void sync_folder(const fs::path& folder) {
@@ -60,19 +70,23 @@ std::string random_log_id() {
 
 std::vector<PartFile> list_parts(const fs::path& folder) {
   std::vector<PartFile> parts;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (name.size() <= kPrefix.size() + kSuffix.size() || name.rfind(kPrefix, 0) != 0 ||
-        entry.path().extension() != kSuffix) {
-      continue;
+  const auto take = [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    if (name.size() <= kPrefix.size() + kSuffix.size() || name.rfind(kPrefix, 0) != 0 || path.extension() != kSuffix) {
+      return;
     }
-    PartFile part{0, entry.path()};
+    PartFile part{0, path};
     const char* end = name.data() + name.size() - kSuffix.size();
     const auto [stop, error] = std::from_chars(name.data() + kPrefix.size(), end, part.number);
     if (error == std::errc() && stop == end) {
       parts.push_back(part);
     }
-  }
+  };
+  in_folder(folder, [&] {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      take(entry.path());
+    }
+  });
   std::sort(parts.begin(), parts.end(), [](const PartFile& a, const PartFile& b) { return a.number < b.number; });
   return parts;
 }
@@ -84,7 +98,7 @@ fs::path part_path(const fs::path& folder, std::uint32_t number) {
 fs::path create_part(const fs::path& folder, const PartRow& row, const std::function<void(Connection&)>& fill) {
   const fs::path path = part_path(folder, row.number);
   const fs::path unfinished = folder / (std::string(kUnfinished) + path.filename().string());
-  fs::remove(unfinished);
+  in_folder(folder, [&] { fs::remove(unfinished); });
   {
     Connection connection(unfinished, OpenMode::create);
     connection.set_pragma("page_size", kPageSize);
@@ -97,21 +111,23 @@ fs::path create_part(const fs::path& folder, const PartRow& row, const std::func
     fill(connection);
     transaction.commit();
   }
-  fs::rename(unfinished, path);
+  in_folder(folder, [&] { fs::rename(unfinished, path); });
   sync_folder(folder);
   return path;
 }
 
 void remove_unfinished_parts(const fs::path& folder) {
-  std::vector<fs::path> left;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().filename().string().rfind(kUnfinished, 0) == 0) {
-      left.push_back(entry.path());
+  in_folder(folder, [&] {
+    std::vector<fs::path> left;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().filename().string().rfind(kUnfinished, 0) == 0) {
+        left.push_back(entry.path());
+      }
     }
-  }
-  for (const fs::path& path : left) {
-    fs::remove(path);
-  }
+    for (const fs::path& path : left) {
+      fs::remove(path);
+    }
+  });
 }
 
 Connection open_part_for_writing(const fs::path& path, bool durable) {

@@ -41,7 +41,8 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
     current_->connection().exec("UPDATE part SET closed = 0");
   }
   for (const PartFile& file : files) {
-    if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal")) {
+    std::error_code unknown;
+    if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal", unknown)) {
       open_.push_back(file.path);
     }
   }

@@ -75,14 +75,12 @@ bool nothing_promised(const Ledger& ledger) {
 std::string fault_of(const Cut& cut, const fs::path& folder) {
   write_image(cut.image, folder);
   const FaultyDisk without_real_syncs(folder);
-  Expect before;
-  before.repaired = false;
   const bool empty = !fs::exists(folder) || part_files(folder).empty();
   if (empty && !nothing_promised(cut.ledger)) {
     return "no part is left";
   }
   if (!empty) {
-    if (const Verdict verdict = judge(folder, cut.ledger, before); !verdict.fault.empty()) {
+    if (const Verdict verdict = judge(folder, cut.ledger, false); !verdict.fault.empty()) {
       return "before repair: " + verdict.fault;
     }
   }

@@ -27,6 +27,7 @@ inline std::string answer_body(SessionId session, Source source, std::uint64_t s
 struct Extent {
   std::uint64_t acknowledged = 0;
   std::uint64_t appended = 0;
+  std::set<std::uint64_t> lost;  ///< an Error was thrown before they were acknowledged: a gap row of cause disk will do
 };
 
 /// What the log of a workload has to hold.
@@ -41,6 +42,15 @@ struct Ledger {
       extent.acknowledged = key.first == session ? extent.appended : extent.acknowledged;
     }
     events.insert(events.end(), new_events.begin(), new_events.end());
+    new_events.clear();
+  }
+  /// An Error was thrown: all since the last commit may be lost.
+  void excuse(SessionId session) {
+    for (auto& [key, extent] : streams) {
+      for (std::uint64_t seq = extent.acknowledged; key.first == session && seq < extent.appended; ++seq) {
+        extent.lost.insert(seq);
+      }
+    }
     new_events.clear();
   }
 };
@@ -90,16 +100,13 @@ class Workload {
     rethrow();
   }
   void commit() {
-    const std::uint64_t commits = writer_.stats().commits;
     attempt([&] { writer_.commit(); });
-    if (!error_ && (writer_.stats().commits > commits || !dirty_)) {
-      ledger_->acknowledge(session_);
-      dirty_ = false;
-    }
     rethrow();
+    ledger_->acknowledge(session_);
   }
   void end(bool clean = true) {
-    writer_.end_session(time(), clean);
+    attempt([&] { writer_.end_session(time(), clean); });
+    rethrow();
     ledger_->acknowledge(session_);
   }
 
@@ -116,7 +123,6 @@ class Workload {
   RobotId robot_ = 0;
   SessionId session_ = 0;
   std::uint64_t next_ = 0;
-  bool dirty_ = false;
   std::exception_ptr error_;
 
   /// All of a step is tried, as the recorder does, before its first error is thrown.
@@ -125,6 +131,7 @@ class Workload {
     try {
       work();
     } catch (const Error&) {
+      ledger_->excuse(session_);
       error_ = std::current_exception();
     }
   }
@@ -135,7 +142,6 @@ class Workload {
   }
 
   void poll(Source source) {
-    dirty_ = true;
     ledger_->streams[{session_, source}].appended = next_ + 1;
     if (misses(source, next_)) {
       writer_.add(gap_of(session_, robot_, source, next_, 1, time()));
@@ -160,11 +166,6 @@ struct Verdict {
   std::string fault;
   std::uint64_t answers = 0;
   std::uint64_t lost = 0;  ///< acknowledged or not, polls in gap rows of `disk` or `recorder_killed`
-};
-
-struct Expect {
-  bool repaired = true;     ///< a writer has opened the log since
-  bool disk_worked = true;  ///< false: acknowledged means answered or in a gap row of cause disk
 };
 
 namespace detail {
@@ -226,8 +227,8 @@ inline std::optional<Cause> cause_of(const Found& found, SessionId session, Sour
   return std::nullopt;
 }
 
-inline void judge_poll(const Found& found, const Expect& expect, SessionId session, Source source, std::uint64_t seq,
-                       const Extent& extent, Verdict& verdict) {
+inline void judge_poll(const Found& found, SessionId session, Source source, std::uint64_t seq, const Extent& extent,
+                       Verdict& verdict) {
   const auto answers = found.answers.find({session, source});
   const bool answered = answers != found.answers.end() && answers->second.count(seq) > 0;
   const std::optional<Cause> cause = cause_of(found, session, source, seq);
@@ -237,17 +238,17 @@ inline void judge_poll(const Found& found, const Expect& expect, SessionId sessi
   const bool loss = cause && (*cause == Cause::disk || *cause == Cause::recorder_killed);
   verdict.lost += loss ? 1 : 0;
   const bool kept = misses(source, seq) ? cause.has_value() : answered;
-  const bool excused = !expect.disk_worked && cause == Cause::disk;
+  const bool excused = extent.lost.count(seq) > 0 && cause == Cause::disk;
   if (seq < extent.acknowledged && (loss || !kept) && !excused) {
     verdict.fault = "acknowledged and lost: " + named(session, source, seq);
   }
 }
 
-inline void judge_streams(store::LogReader& log, const Found& found, const Ledger& ledger, const Expect& expect,
+inline void judge_streams(store::LogReader& log, const Found& found, const Ledger& ledger, bool repaired,
                           Verdict& verdict) {
   for (const auto& [key, extent] : ledger.streams) {
     for (std::uint64_t seq = 0; seq < extent.appended; ++seq) {
-      judge_poll(found, expect, key.first, key.second, seq, extent, verdict);
+      judge_poll(found, key.first, key.second, seq, extent, verdict);
     }
   }
   for (const auto& [key, answers] : found.answers) {
@@ -257,10 +258,10 @@ inline void judge_streams(store::LogReader& log, const Found& found, const Ledge
     }
   }
   for (const Stream& stream : log.streams()) {
-    if (expect.repaired && !stream.planned) {
+    if (repaired && !stream.planned) {
       verdict.fault = "a stream without an end";
     }
-    for (std::uint64_t seq = 0; expect.repaired && seq < stream.planned.value_or(0); ++seq) {
+    for (std::uint64_t seq = 0; repaired && seq < stream.planned.value_or(0); ++seq) {
       const auto answers = found.answers.find({stream.session, stream.source});
       const bool answered = answers != found.answers.end() && answers->second.count(seq) > 0;
       if (!answered && !cause_of(found, stream.session, stream.source, seq)) {
@@ -270,7 +271,7 @@ inline void judge_streams(store::LogReader& log, const Found& found, const Ledge
   }
 }
 
-inline void judge_sums(store::LogReader& log, const Found& found, const Expect& expect, Verdict& verdict) {
+inline void judge_sums(store::LogReader& log, const Found& found, bool repaired, Verdict& verdict) {
   for (const Coverage& coverage : log.coverage()) {
     std::uint64_t answers = 0;
     for (const auto& [key, seqs] : found.answers) {
@@ -279,7 +280,7 @@ inline void judge_sums(store::LogReader& log, const Found& found, const Expect& 
     if (coverage.stored != answers) {
       verdict.fault = "coverage counts " + std::to_string(coverage.stored) + " of " + std::to_string(answers);
     }
-    if (expect.repaired && coverage.stored + coverage.missed != coverage.planned) {
+    if (repaired && coverage.stored + coverage.missed != coverage.planned) {
       verdict.fault = "stored " + std::to_string(coverage.stored) + " + missed " + std::to_string(coverage.missed) +
                       " is not planned " + std::to_string(coverage.planned);
     }
@@ -288,8 +289,9 @@ inline void judge_sums(store::LogReader& log, const Found& found, const Expect& 
 
 }  // namespace detail
 
-/// Reads the log of a workload and compares it with its ledger.
-inline Verdict judge(const std::filesystem::path& folder, const Ledger& ledger, Expect expect = {}) {
+/// Reads the log of a workload and compares it with its ledger. `repaired`: a writer has opened the log since it
+/// stopped.
+inline Verdict judge(const std::filesystem::path& folder, const Ledger& ledger, bool repaired = true) {
   Verdict verdict;
   store::LogReader log = open_reader(folder);
   detail::Found found;
@@ -297,15 +299,15 @@ inline Verdict judge(const std::filesystem::path& folder, const Ledger& ledger, 
     detail::take_answers(log, robot.id, found, verdict);
     detail::take_records(log, robot.id, found);
   }
-  detail::judge_streams(log, found, ledger, expect, verdict);
-  detail::judge_sums(log, found, expect, verdict);
+  detail::judge_streams(log, found, ledger, repaired, verdict);
+  detail::judge_sums(log, found, repaired, verdict);
   for (const std::uint64_t event : ledger.events) {
-    if (expect.disk_worked && found.events.count(event) == 0) {
+    if (found.events.count(event) == 0) {
       verdict.fault = "acknowledged and lost: event " + std::to_string(event);
     }
   }
   for (const Session& session : log.sessions()) {
-    if (expect.repaired && session.t_end_us == 0) {
+    if (repaired && session.t_end_us == 0) {
       verdict.fault = "session " + std::to_string(session.id) + " has no end";
     }
   }
