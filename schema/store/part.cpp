@@ -11,6 +11,7 @@
 #include <random>
 
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/seal.hpp"
 #include "schema/store/vocabulary.hpp"
 
 namespace tacho::store {
@@ -141,8 +142,20 @@ Connection open_part_for_writing(const fs::path& path, bool durable) {
   return connection;
 }
 
+void reopen_part(Connection& connection) {
+  Transaction transaction(connection);
+  break_seal(connection);
+  connection.exec("UPDATE part SET closed = 0");
+  transaction.commit();
+}
+
 bool close_part(Connection& connection) {
-  connection.exec("UPDATE part SET closed = 1");
+  {
+    Transaction transaction(connection);
+    connection.exec("UPDATE part SET closed = 1");
+    write_seal(connection);
+    transaction.commit();
+  }
   if (!connection.checkpoint_truncate()) {
     return false;
   }

@@ -45,8 +45,11 @@ void remove_unfinished_parts(const std::filesystem::path& folder);
 /// WAL, own checkpoints; `durable` = synchronous FULL, else OFF.
 Connection open_part_for_writing(const std::filesystem::path& path, bool durable);
 
-/// Marks the part closed, checkpoints it and leaves journal_mode DELETE, so that it can be read from a read-only
-/// folder. False when a reader is in the way: try again later.
+/// Marks the part as one that is written on.
+void reopen_part(Connection& connection);
+
+/// Marks the part closed, seals it (seal.hpp), checkpoints it and leaves journal_mode DELETE, so that it can be read
+/// from a read-only folder. False when a reader is in the way: try again later.
 bool close_part(Connection& connection);
 
 }  // namespace tacho::store

@@ -73,14 +73,18 @@ void PartReader::answers(const Query& query, const std::function<void(const Answ
 }
 
 void PartReader::hot_answers(const Query& query, const std::function<void(const Answer&)>& yield) {
+  bool lost = false;
   HotScan scan(connection_, head_->vocabulary, head_->ends.hot,
                [&](std::int64_t after, std::int64_t before, const std::string& why) {
+                 lost = true;
                  report_(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
                });
   BodyChain chain(connection_, head_->vocabulary);
   BrokenRuns broken(report_);
   Answer answer;
+  StreamCounts met;
   while (const HotRow* row = scan.next()) {
+    ++met[{row->meta.session, row->meta.robot, row->meta.source}].stored;
     if (row->meta.robot != query.robot || !query.sources[static_cast<std::size_t>(row->meta.source)] ||
         !query.window.contains(row->meta.t_send_us)) {
       continue;
@@ -97,16 +101,33 @@ void PartReader::hot_answers(const Query& query, const std::function<void(const 
     yield(answer);
   }
   broken.finish();
+  if (!lost) {
+    tell_missing(query.robot, met);
+  }
+}
+
+/// Rows can vanish without a trace when a page forgets that it has them; the counts of the head know better.
+void PartReader::tell_missing(RobotId robot, const StreamCounts& met) {
+  for (const auto& [key, count] : head_->counts) {
+    const auto found = met.find(key);
+    const std::uint64_t here = found == met.end() ? 0 : found->second.stored;
+    if (key.robot == robot && here < count.stored) {
+      report_(fmt::format("{} answers of robot {} source {} session {} are missing", count.stored - here, key.robot,
+                          source_name(key.source), key.session));
+    }
+  }
 }
 
 template <class Row, class Read, class Keep>
 std::vector<Row> PartReader::records(const char* table, std::int64_t last_id, Read read, Keep keep) {
   std::vector<Row> rows;
   std::uint64_t bad = 0;
+  std::int64_t read_rows = 0;
   try {
     Statement statement(connection_, select_sql(table) + " WHERE id <= ?1 ORDER BY id");
     statement.query(last_id);
     while (statement.step()) {
+      ++read_rows;
       std::optional<Row> row = read(statement);
       if (!row) {
         ++bad;
@@ -122,6 +143,10 @@ std::vector<Row> PartReader::records(const char* table, std::int64_t last_id, Re
   }
   if (bad > 0) {
     report_(fmt::format("{} rows of table {} are damaged and left out", bad, table));
+  }
+  if (const auto sealed = head_->sealed_rows.find(table);
+      sealed != head_->sealed_rows.end() && sealed->second != read_rows) {
+    report_(fmt::format("{} rows of table {} were read, but it had {}", read_rows, table, sealed->second));
   }
   return rows;
 }

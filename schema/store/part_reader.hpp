@@ -40,6 +40,7 @@ class PartReader {
   Report report_;
   Connection connection_;
 
+  void tell_missing(RobotId robot, const StreamCounts& met);
   void hot_answers(const Query& query, const std::function<void(const Answer&)>& yield);
   template <class Row, class Read, class Keep>
   std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);

@@ -37,8 +37,8 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   log_ = found_ ? found_->row.log : random_log_id();
   if (found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path) {
     current_ = std::make_unique<PartWriter>(found_->path, durable_);
+    reopen_part(current_->connection());
     end_killed_sessions(*current_, *found_);
-    current_->connection().exec("UPDATE part SET closed = 0");
   }
   for (const PartFile& file : files) {
     std::error_code unknown;

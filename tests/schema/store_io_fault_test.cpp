@@ -85,7 +85,7 @@ const char* name_of(FaultKind kind) {
 
 /// Runs the scenario with one fault and requires all promises; true when the fault struck.
 bool survives(FaultKind kind, Lasts lasts, std::uint64_t call) {
-  TempDir dir;
+  TempDir dir(memory_folder());
   FaultyDisk disk(dir / "log");
   disk.inject({kind, call, lasts != Lasts::once});
   Scenario scenario(dir / "log", disk, lasts);
@@ -105,7 +105,7 @@ bool survives(FaultKind kind, Lasts lasts, std::uint64_t call) {
 
 /// The calls of the scenario on a disk that works.
 std::vector<Call> calls() {
-  TempDir dir;
+  TempDir dir(memory_folder());
   FaultyDisk disk(dir / "log");
   std::vector<Call> all;
   disk.before_each_call([&](Call call) { all.push_back(call); });

@@ -95,7 +95,7 @@ std::string fault_of(const Cut& cut, const fs::path& folder) {
 
 TEST_CASE("after a power cut at any moment every acknowledged answer is there and the log is whole") {
   std::mt19937 random(20260101);
-  TempDir dir;
+  TempDir dir(memory_folder());
   int cuts = 0;
   int logs = 0;
   while (cuts < kCuts) {
