@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kCuts = 1000;
-constexpr int kRoundsPerLog = 3;
+constexpr int kRoundsPerLog = 2;
 constexpr Micros kAnHour = 3600 * kSecond;  // before midnight, so that the day turns in the middle of a session
 
 /// What a power cut left, and what had been promised by then.
@@ -42,7 +42,7 @@ class Round {
     work.begin(t0_us, 60 * kSecond);
     doing_ = "recording";
     one_in_ = 40;
-    const auto commits = 30 + (*random_)() % 60;
+    const auto commits = 20 + (*random_)() % 60;
     for (auto i = commits; i > 0; --i) {
       for (auto polls = 1 + (*random_)() % 3; polls > 0; --polls) {
         work.poll();

@@ -110,6 +110,9 @@ class Workload {
     ledger_->acknowledge(session_);
   }
 
+  /// Times of polls to come are that much later.
+  void step_clock(Micros by_us) { t0_us_ += by_us; }
+
   [[nodiscard]] store::LogWriter& writer() { return writer_; }
   [[nodiscard]] SessionId session() const { return session_; }
   [[nodiscard]] std::uint64_t next() const { return next_; }
