@@ -99,6 +99,13 @@ CREATE TABLE unknown_key (
   PRIMARY KEY (robot, source, key)
 ) STRICT, WITHOUT ROWID;
 
+-- what a closed part had in its small tables; empty while the part is written
+CREATE TABLE seal (
+  name TEXT PRIMARY KEY,                   -- of the table
+  rows INTEGER NOT NULL,                   -- how many it has
+  crc INTEGER                              -- CRC-32C of all their columns; NULL: each row has its own
+) STRICT, WITHOUT ROWID;
+
 -- stored answers in order of arrival; bodies are compressed against the row before
 CREATE TABLE hot (
   id INTEGER PRIMARY KEY,                  -- order of arrival

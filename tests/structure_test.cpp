@@ -93,7 +93,7 @@ TEST_CASE("dependencies point one way") {
 
 TEST_CASE("each third-party header stays in the folders that own it") {
   const std::vector<std::pair<std::string, std::vector<std::string>>> walls{
-      {"sqlite3", {"schema/store/"}},
+      {"sqlite3", {"schema/store/", "tests/support/faulty_vfs"}},
       {"zstd", {"schema/store/"}},
       {"simdjson", {"schema/wire/"}},
       {"nlohmann/", {"analyzer/report/", "analyzer/commands/", "samples/simulator/"}},
@@ -106,7 +106,8 @@ TEST_CASE("each third-party header stays in the folders that own it") {
   };
   for (const Line& line : includes()) {
     for (const auto& [header, folders] : walls) {
-      if (starts_with(line.include, header) && !starts_with(line.file, "tests/")) {
+      // Tests may use what they test; SQLite they see through the store, or as a disk below it.
+      if (starts_with(line.include, header) && (header == "sqlite3" || !starts_with(line.file, "tests/"))) {
         INFO(line.file << " includes <" << line.include << ">");
         CHECK(std::any_of(folders.begin(), folders.end(), [&](const auto& f) { return starts_with(line.file, f); }));
       }

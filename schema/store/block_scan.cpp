@@ -12,7 +12,7 @@ namespace {
 /// Blocks that a query needs, by source. Rows of the table that are damaged are named.
 std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection, const PartHead& head, RobotId robot,
                                                          const std::array<bool, kSourceCount>& sources, Window window,
-                                                         const BlockScan::Report& report) {
+                                                         StreamCounts& met, const BlockScan::Report& report) {
   std::array<std::deque<BlockRow>, kSourceCount> places;
   std::uint64_t bad = 0;
   try {
@@ -26,6 +26,7 @@ std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection,
         continue;
       }
       const auto source = static_cast<std::size_t>(*head.vocabulary.source[number]);
+      met[{place->session, place->robot, *head.vocabulary.source[number]}].stored += place->rows;
       if (place->robot == robot && sources[source] && place->row_from <= head.ends.row &&
           place->t_to_us >= window.from_us && place->t_from_us < window.to_us) {
         places[source].push_back(*place);
@@ -49,13 +50,14 @@ std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection,
 }  // namespace
 
 BlockScan::BlockScan(Connection& connection, const PartHead& head, RobotId robot,
-                     const std::array<bool, kSourceCount>& sources, Window window, const Report& report)
+                     const std::array<bool, kSourceCount>& sources, Window window, StreamCounts& met,
+                     const Report& report)
     : head_(&head),
       report_(&report),
       fetch_(connection, "SELECT data FROM block WHERE id = ?1"),
       robot_(robot),
       window_(window) {
-  auto places = places_of(connection, head, robot, sources, window, report);
+  auto places = places_of(connection, head, robot, sources, window, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (!places[s].empty()) {
       lanes_.push_back({static_cast<Source>(s), std::move(places[s]), {}, {}, 0});

@@ -19,9 +19,10 @@ class BlockScan {
   /// Told of damage, in words.
   using Report = std::function<void(const std::string&)>;
 
-  /// Blocks outside `window` are not opened. `connection`, `head` and `report` must outlive the scan.
+  /// Blocks outside `window` are not opened. Counts all moved answers of all robots in `met`. `connection`, `head` and
+  /// `report` must outlive the scan.
   BlockScan(Connection& connection, const PartHead& head, RobotId robot, const std::array<bool, kSourceCount>& sources,
-            Window window, const Report& report);
+            Window window, StreamCounts& met, const Report& report);
 
   /// The place of the next answer among all answers of the part; 0 at the end.
   [[nodiscard]] std::int64_t row() const;

@@ -21,16 +21,17 @@ void write(Statement& replace, const StreamKey& key, const StreamCount& c) {
               c.next_seq, Statement::Blob{seen}, Statement::Blob{valued});
 }
 
-GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad) {
-  GapCounts counts;
+GapReading read_gap_counts(Connection& connection) {
+  GapReading reading;
   Statement row(connection, select_sql("gap"));
   while (row.step()) {
+    ++reading.rows;
     const std::optional<Gap> gap = read_gap(row);
     if (!gap) {
-      ++bad;
+      ++reading.bad;
       continue;
     }
-    GapCount& count = counts[{gap->session, gap->robot, gap->source}];
+    GapCount& count = reading.counts[{gap->session, gap->robot, gap->source}];
     count.last_us = std::max(count.last_us, gap->t_to_us);
     if (gap->partial) {
       count.partial += gap->seq_count;
@@ -39,7 +40,7 @@ GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad) {
       count.next_seq = std::max(count.next_seq, gap->seq_count == 0 ? 0 : gap->seq_from + gap->seq_count);
     }
   }
-  return counts;
+  return reading;
 }
 
 StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabulary) {

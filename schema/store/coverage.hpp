@@ -42,8 +42,13 @@ struct GapCount {
   Micros last_us = 0;          ///< end of the latest
 };
 using GapCounts = std::map<StreamKey, GapCount>;
-/// Rows whose checksum is wrong are left out; `bad` counts them.
-GapCounts read_gap_counts(Connection& connection, std::uint64_t& bad);
+/// Rows whose checksum is wrong are left out.
+struct GapReading {
+  GapCounts counts;
+  std::int64_t rows = 0;  ///< all that were read
+  std::uint64_t bad = 0;
+};
+GapReading read_gap_counts(Connection& connection);
 
 void write(Statement& replace, const StreamKey& key, const StreamCount& count);
 StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabulary);

@@ -103,7 +103,7 @@ std::int64_t HotScan::readable_after(std::int64_t id) {
   while (good > 0 && bad + 1 < good) {
     const std::int64_t middle = bad + (good - bad) / 2;
     const std::int64_t found = probe(middle);
-    if (found == 0) {
+    if (found == 0 || found > good) {  // damaged ids are in no order
       bad = middle;
     } else {
       good = middle == found ? found : std::min(good, found);

@@ -178,7 +178,7 @@ void LogWriter::Impl::write_head(Connection& connection) {
 void LogWriter::Impl::next_part() {
   std::map<StreamId, std::uint64_t> seq_from;
   for (auto& [id, state] : streams) {
-    seq_from[id] = std::exchange(state.row.seq_from, state.next_seq);
+    seq_from[id] = std::exchange(state.row.seq_from, state.committed_seq);
   }
   try {
     parts.next([this](Connection& connection) { write_head(connection); }, hot);
@@ -282,6 +282,9 @@ void LogWriter::Impl::write_coverage() {
 }
 
 void LogWriter::Impl::commit() {
+  if (lost) {
+    write([] {});  // what was lost belongs on record, and into this part, also when no poll follows
+  }
   if (part().in_transaction()) {
     const auto start = std::chrono::steady_clock::now();
     const bool coverage = urgent || since_coverage + 1 >= kCommitsPerCoverage || part_is_over();

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/seal.hpp"
 #include "schema/store/vocabulary.hpp"
 
 namespace tacho::store {
@@ -27,7 +28,18 @@ constexpr std::string_view kUnfinished = ".unfinished-";
 // file must hold both so that moving rows into blocks is one transaction.
 constexpr const char* kPageSize = "4096";
 
-/// A rename is durable once the folder itself is on disk.
+/// Runs `work`; what the file system refuses becomes an Error.
+template <class Work>
+void in_folder(const fs::path& folder, Work work) {
+  try {
+    work();
+  } catch (const fs::filesystem_error& error) {
+    throw Error(folder.string(), error.what(), "check the disk, its free space and the rights of this user");
+  }
+}
+
+}  // namespace
+
 void sync_folder(const fs::path& folder) {
   const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool good = file >= 0 && fsync(file) == 0;
@@ -39,8 +51,6 @@ void sync_folder(const fs::path& folder) {
     throw Error(folder.string(), std::strerror(error), "check the disk");
   }
 }
-
-}  // namespace
 
 PartRow read_part_row(Connection& connection) {
   Statement row(connection, select_sql("part"));
@@ -61,19 +71,23 @@ std::string random_log_id() {
 
 std::vector<PartFile> list_parts(const fs::path& folder) {
   std::vector<PartFile> parts;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (name.size() <= kPrefix.size() + kSuffix.size() || name.rfind(kPrefix, 0) != 0 ||
-        entry.path().extension() != kSuffix) {
-      continue;
+  const auto take = [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    if (name.size() <= kPrefix.size() + kSuffix.size() || name.rfind(kPrefix, 0) != 0 || path.extension() != kSuffix) {
+      return;
     }
-    PartFile part{0, entry.path()};
+    PartFile part{0, path};
     const char* end = name.data() + name.size() - kSuffix.size();
     const auto [stop, error] = std::from_chars(name.data() + kPrefix.size(), end, part.number);
     if (error == std::errc() && stop == end) {
       parts.push_back(part);
     }
-  }
+  };
+  in_folder(folder, [&] {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      take(entry.path());
+    }
+  });
   std::sort(parts.begin(), parts.end(), [](const PartFile& a, const PartFile& b) { return a.number < b.number; });
   return parts;
 }
@@ -85,7 +99,7 @@ fs::path part_path(const fs::path& folder, std::uint32_t number) {
 fs::path create_part(const fs::path& folder, const PartRow& row, const std::function<void(Connection&)>& fill) {
   const fs::path path = part_path(folder, row.number);
   const fs::path unfinished = folder / (std::string(kUnfinished) + path.filename().string());
-  fs::remove(unfinished);
+  in_folder(folder, [&] { fs::remove(unfinished); });
   {
     Connection connection(unfinished, OpenMode::create);
     connection.set_pragma("page_size", kPageSize);
@@ -98,21 +112,23 @@ fs::path create_part(const fs::path& folder, const PartRow& row, const std::func
     fill(connection);
     transaction.commit();
   }
-  fs::rename(unfinished, path);
+  in_folder(folder, [&] { fs::rename(unfinished, path); });
   sync_folder(folder);
   return path;
 }
 
 void remove_unfinished_parts(const fs::path& folder) {
-  std::vector<fs::path> left;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().filename().string().rfind(kUnfinished, 0) == 0) {
-      left.push_back(entry.path());
+  in_folder(folder, [&] {
+    std::vector<fs::path> left;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().filename().string().rfind(kUnfinished, 0) == 0) {
+        left.push_back(entry.path());
+      }
     }
-  }
-  for (const fs::path& path : left) {
-    fs::remove(path);
-  }
+    for (const fs::path& path : left) {
+      fs::remove(path);
+    }
+  });
 }
 
 Connection open_part_for_writing(const fs::path& path, bool durable) {
@@ -126,8 +142,20 @@ Connection open_part_for_writing(const fs::path& path, bool durable) {
   return connection;
 }
 
+void reopen_part(Connection& connection) {
+  Transaction transaction(connection);
+  break_seal(connection);
+  connection.exec("UPDATE part SET closed = 0");
+  transaction.commit();
+}
+
 bool close_part(Connection& connection) {
-  connection.exec("UPDATE part SET closed = 1");
+  {
+    Transaction transaction(connection);
+    connection.exec("UPDATE part SET closed = 1");
+    write_seal(connection);
+    transaction.commit();
+  }
   if (!connection.checkpoint_truncate()) {
     return false;
   }

@@ -32,6 +32,9 @@ struct PartFile {
 std::vector<PartFile> list_parts(const std::filesystem::path& folder);
 std::filesystem::path part_path(const std::filesystem::path& folder, std::uint32_t number);
 
+/// What was created in, renamed in or removed from a folder is durable once the folder itself is on disk. Throws Error.
+void sync_folder(const std::filesystem::path& folder);
+
 /// Creates the file with all tables, the vocabulary, the part row and what `fill` writes. It is made under a hidden
 /// name and renamed when it is complete and on disk, so that a part in the folder always has its head.
 std::filesystem::path create_part(const std::filesystem::path& folder, const PartRow& row,
@@ -42,8 +45,11 @@ void remove_unfinished_parts(const std::filesystem::path& folder);
 /// WAL, own checkpoints; `durable` = synchronous FULL, else OFF.
 Connection open_part_for_writing(const std::filesystem::path& path, bool durable);
 
-/// Marks the part closed, checkpoints it and leaves journal_mode DELETE, so that it can be read from a read-only
-/// folder. False when a reader is in the way: try again later.
+/// Marks the part as one that is written on.
+void reopen_part(Connection& connection);
+
+/// Marks the part closed, seals it (seal.hpp), checkpoints it and leaves journal_mode DELETE, so that it can be read
+/// from a read-only folder. False when a reader is in the way: try again later.
 bool close_part(Connection& connection);
 
 }  // namespace tacho::store

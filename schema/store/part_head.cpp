@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
+#include <utility>
 
 #include "schema/store/schema_sql.hpp"
 
@@ -127,10 +129,15 @@ void read_counts(Connection& connection, PartHead& head) {
     survive(head, "the newest answers",
             [&] { add_hot_rows(connection, head.vocabulary, head.row.counted_to, head.counts); });
   }
-  std::uint64_t bad = 0;
-  survive(head, "the table of gaps", [&] { head.gaps = read_gap_counts(connection, bad); });
-  if (bad > 0) {
-    head.damage.push_back(fmt::format("{} gap rows are damaged", bad));
+  GapReading gaps;
+  survive(head, "the table of gaps", [&] { gaps = read_gap_counts(connection); });
+  head.gaps = std::move(gaps.counts);
+  if (gaps.bad > 0) {
+    head.damage.push_back(fmt::format("{} gap rows are damaged", gaps.bad));
+  }
+  if (const auto sealed = head.sealed_rows.find("gap");
+      sealed != head.sealed_rows.end() && sealed->second != gaps.rows) {
+    head.damage.push_back(fmt::format("{} gap rows were read, but there were {}", gaps.rows, sealed->second));
   }
 }
 
@@ -175,10 +182,14 @@ PartHead read_head(const fs::path& path) {
   if (head.row.log.empty()) {
     throw NotAPart(path.string(), "has no part row", "it was never finished: move it out of the folder");
   }
+  Seal seal = check_seal(connection, head.row.closed);
+  head.sealed_rows = std::move(seal.rows);
+  std::move(seal.damage.begin(), seal.damage.end(), std::back_inserter(head.damage));
   head.checkpointed = connection.scalar("PRAGMA journal_mode") != "wal";
-  head.robots = read_all<Robot>(connection, "robot", read_robot);
-  head.sessions = read_all<Session>(connection, "session", read_session);
-  head.streams = read_streams(connection);
+  survive(head, "the table of robots", [&] { head.robots = read_all<Robot>(connection, "robot", read_robot); });
+  survive(head, "the table of sessions",
+          [&] { head.sessions = read_all<Session>(connection, "session", read_session); });
+  survive(head, "the table of streams", [&] { head.streams = read_streams(connection); });
   head.vocabulary = read_vocabulary(connection);
   read_ends(connection, head);
   read_counts(connection, head);

@@ -9,6 +9,7 @@
 #include "schema/store/coverage.hpp"
 #include "schema/store/part.hpp"
 #include "schema/store/rows.hpp"
+#include "schema/store/seal.hpp"
 #include "schema/store/sqlite.hpp"
 #include "schema/store/vocabulary.hpp"
 
@@ -48,6 +49,7 @@ struct PartHead {
   std::vector<UnknownKey> unknown_keys;
   Vocabulary vocabulary;
   PartEnds ends;
+  SealedRows sealed_rows;
   std::vector<std::string> damage;  ///< in words; empty for a whole part
 };
 

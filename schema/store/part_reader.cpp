@@ -61,9 +61,11 @@ class BrokenRuns {
 /// The hot answers of a query, in order of arrival.
 class HotAnswers {
  public:
-  HotAnswers(Connection& connection, const PartHead& head, const PartReader::Query& query,
+  /// Counts every row of every robot in `met`.
+  HotAnswers(Connection& connection, const PartHead& head, const PartReader::Query& query, StreamCounts& met,
              const PartReader::Report& report)
       : query_(&query),
+        met_(&met),
         scan_(connection, head.vocabulary, last_row(connection, head),
               [&report](std::int64_t after, std::int64_t before, const std::string& why) {
                 report(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
@@ -83,6 +85,7 @@ class HotAnswers {
 
  private:
   const PartReader::Query* query_;
+  StreamCounts* met_;
   HotScan scan_;
   BodyChain chain_;
   BrokenRuns broken_;
@@ -107,6 +110,7 @@ class HotAnswers {
   void advance() {
     row_ = 0;
     while (const HotRow* row = scan_.next()) {
+      ++(*met_)[{row->meta.session, row->meta.robot, row->meta.source}].stored;
       if (row->meta.robot != query_->robot || !query_->sources[static_cast<std::size_t>(row->meta.source)] ||
           !query_->window.contains(row->meta.t_send_us)) {
         continue;
@@ -143,13 +147,34 @@ void PartReader::answers(const Query& query, const std::function<void(const Answ
   if (!any && head_->damage.empty()) {
     return;
   }
-  HotAnswers hot(connection_, *head_, query, report_);
-  BlockScan moved(connection_, *head_, query.robot, query.sources, query.window, report_);
+  bool damaged = false;
+  const Report report = [&](const std::string& what) {
+    damaged = true;
+    report_(what);
+  };
+  StreamCounts met;
+  HotAnswers hot(connection_, *head_, query, met, report);
+  BlockScan moved(connection_, *head_, query.robot, query.sources, query.window, met, report);
   while (hot.row() != 0 || moved.row() != 0) {
     if (moved.row() == 0 || (hot.row() != 0 && hot.row() < moved.row())) {
       yield(hot.take());
     } else {
       yield(moved.take());
+    }
+  }
+  if (!damaged) {
+    tell_missing(query.robot, met);
+  }
+}
+
+/// Rows can vanish without a trace when a page forgets that it has them; the counts of the head know better.
+void PartReader::tell_missing(RobotId robot, const StreamCounts& met) const {
+  for (const auto& [key, count] : head_->counts) {
+    const auto found = met.find(key);
+    const std::uint64_t here = found == met.end() ? 0 : found->second.stored;
+    if (key.robot == robot && here < count.stored) {
+      report_(fmt::format("{} answers of robot {} source {} session {} are missing", count.stored - here, key.robot,
+                          source_name(key.source), key.session));
     }
   }
 }
@@ -158,10 +183,12 @@ template <class Row, class Read, class Keep>
 std::vector<Row> PartReader::records(const char* table, std::int64_t last_id, Read read, Keep keep) {
   std::vector<Row> rows;
   std::uint64_t bad = 0;
+  std::int64_t read_rows = 0;
   try {
     Statement statement(connection_, select_sql(table) + " WHERE id <= ?1 ORDER BY id");
     statement.query(last_id);
     while (statement.step()) {
+      ++read_rows;
       std::optional<Row> row = read(statement);
       if (!row) {
         ++bad;
@@ -177,6 +204,10 @@ std::vector<Row> PartReader::records(const char* table, std::int64_t last_id, Re
   }
   if (bad > 0) {
     report_(fmt::format("{} rows of table {} are damaged and left out", bad, table));
+  }
+  if (const auto sealed = head_->sealed_rows.find(table);
+      sealed != head_->sealed_rows.end() && sealed->second != read_rows) {
+    report_(fmt::format("{} rows of table {} were read, but it had {}", read_rows, table, sealed->second));
   }
   return rows;
 }

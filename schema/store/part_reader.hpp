@@ -40,12 +40,13 @@ class PartReader {
   Report report_;
   Connection connection_;  ///< in one read transaction: rows move into blocks while a log is recorded
 
+  void tell_missing(RobotId robot, const StreamCounts& met) const;
   template <class Row, class Read, class Keep>
   std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);
 };
 
-/// read_head(), with the counts of a damaged part as what can really be read. What was seen and valued, and which answers were
-/// undecodable, stays as the writer noted it.
+/// read_head(), with the counts of a damaged part as what can really be read. What was seen and valued, and which
+/// answers were undecodable, stays as the writer noted it.
 PartHead read_part(const std::filesystem::path& path);
 
 }  // namespace tacho::store

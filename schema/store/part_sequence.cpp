@@ -33,13 +33,18 @@ HotLedger all_hot_rows(PartWriter& part) {
   return ledger;
 }
 
-/// The folder exists afterwards.
+/// The folder exists afterwards, also after a power cut.
 const fs::path& made(const fs::path& folder) {
   std::error_code error;
-  fs::create_directories(folder, error);
+  if (folder.empty() || fs::exists(folder, error)) {
+    return folder;
+  }
+  const fs::path parent = made(folder.parent_path());
+  fs::create_directory(folder, error);
   if (error) {
     throw Error(folder.string(), error.message(), "choose a folder that this user may write to");
   }
+  sync_folder(parent.empty() ? "." : parent);
   return folder;
 }
 
@@ -54,12 +59,13 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   log_ = found_ ? found_->row.log : random_log_id();
   if (found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path) {
     current_ = std::make_unique<PartWriter>(found_->path, durable_);
+    reopen_part(current_->connection());
     end_killed_sessions(*current_, *found_);
-    current_->connection().exec("UPDATE part SET closed = 0");
   }
   for (const PartFile& file : files) {
-    if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal")) {
-      left_.push_back({file.path, std::nullopt});
+    std::error_code unknown;
+    if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal", unknown)) {
+      left_.push_back({file.path, std::nullopt, {}});
     }
   }
 }

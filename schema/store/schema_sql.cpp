@@ -34,6 +34,7 @@ constexpr auto kTables = std::to_array<Table>({
   {"code",        "numbers and their names: code lists of fields, and the lists of this schema", "PRIMARY KEY (list, value)", "STRICT, WITHOUT ROWID"},
   {"coverage",    "what this part holds of each stream, counted up to part.counted_to", "PRIMARY KEY (session, robot, source)", "STRICT, WITHOUT ROWID"},
   {"unknown_key", "keys of answers that no field names", "PRIMARY KEY (robot, source, key)", "STRICT, WITHOUT ROWID"},
+  {"seal",        "what a closed part had in its small tables; empty while the part is written", "", "STRICT, WITHOUT ROWID"},
   {"hot",         "stored answers in order of arrival; bodies are compressed against the row before", "", "STRICT"},
   {"block",       "stored answers of one stream that were moved out of hot", "", "STRICT"},
   {"gap",         "planned polls without an answer", "", "STRICT"},
@@ -111,6 +112,10 @@ constexpr auto kColumns = std::to_array<Column>({
   {"unknown_key", "source",   "TEXT NOT NULL",    "code list source"},
   {"unknown_key", "key",      "TEXT NOT NULL",    "path of the key"},
   {"unknown_key", "first_us", "INTEGER NOT NULL", "first answer of this part that had it, UTC microseconds"},
+
+  {"seal", "name", "TEXT PRIMARY KEY", "of the table"},
+  {"seal", "rows", "INTEGER NOT NULL", "how many it has"},
+  {"seal", "crc",  "INTEGER",          "CRC-32C of all their columns; NULL: each row has its own"},
 
   {"hot", "id",        "INTEGER PRIMARY KEY", "order of arrival"},
   {"hot", "robot",     "INTEGER NOT NULL",    "robot.id"},

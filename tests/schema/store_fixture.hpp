@@ -162,7 +162,7 @@ inline void copy_as_killed(const std::filesystem::path& from, const std::filesys
 inline std::vector<std::filesystem::path> part_files(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> out;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() == ".db") {
+    if (entry.path().extension() == ".db" && entry.path().filename().string().front() != '.') {
       out.push_back(entry.path());
     }
   }

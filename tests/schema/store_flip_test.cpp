@@ -1,0 +1,175 @@
+// Every byte of a closed part, one at a time: reading gives the same, or names the damage; never a wrong answer.
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+
+#include "tests/schema/store_workload.hpp"
+
+using namespace tacho;
+using namespace tacho::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// One closed part with something in every table.
+fs::path write_part(const fs::path& folder) {
+  Ledger ledger;
+  Workload work(folder, ledger);
+  work.begin(kT0);
+  Robot identity;
+  identity.vehicle_id = "AMB-150-17";
+  identity.mac = "00:11:22:33:44:55";
+  work.writer().identify(1, identity);
+  for (int i = 0; i < 40; ++i) {
+    work.poll();
+    ClockPoint point;
+    point.session = work.session();
+    point.wall_us = work.time();
+    point.mono_us = work.time() - kT0;
+    work.writer().add(point);
+    Sample sample;
+    sample.clear();
+    sample.meta = {1, Source::status, work.session(), work.next() - 1, work.time(), 0};
+    sample.cells[field("x")].state = State::present;
+    sample.unknown_keys = {"key_" + std::to_string(i / 10)};
+    work.writer().note(sample);
+  }
+  work.end();
+  return folder / "part-000001.db";
+}
+
+/// All that a reader gets out of a log, as text; `wrong` is set when an answer is not what was recorded.
+struct Reading {
+  std::string text;
+  std::string wrong;
+  bool named = false;  ///< damage, in problems() or as an Error
+};
+
+void print_head(const store::LogReader& log, std::string& out) {
+  for (const Robot& r : log.robots()) {
+    out += fmt::format("robot {} {} {} {} {} {} {}\n", r.id, r.name, r.address, r.vehicle_id, r.mac, r.model_md5,
+                       r.firmware);
+  }
+  for (const Session& s : log.sessions()) {
+    out += fmt::format("session {} {} {} {} {} {} {}\n", s.id, s.t_start_us, s.t_end_us, s.clean, s.software, s.config,
+                       s.host);
+  }
+  for (const Stream& s : log.streams()) {
+    out += fmt::format("stream {} {} {} {} {} {} {}\n", s.session, s.robot, source_name(s.source), s.period_us,
+                       word_order_name(s.word_order), s.request, s.planned.value_or(0));
+  }
+  for (const Coverage& c : log.coverage()) {
+    out +=
+        fmt::format("coverage {} {} {} {} {} {} {} {} {} {} {}\n", c.robot, source_name(c.source), c.planned, c.stored,
+                    c.missed, c.partial, c.undecodable, c.bytes, c.first_us, c.last_us, c.seen.to_string());
+  }
+  for (const UnknownKey& k : log.unknown_keys()) {
+    out += fmt::format("key {} {} {} {}\n", k.robot, source_name(k.source), k.key, k.first_us);
+  }
+}
+
+void print_records(const Slice& slice, std::string& out) {
+  for (const Gap& g : slice.gaps) {
+    out += fmt::format("gap {} {} {} {} {} {} {} {}\n", g.session, source_name(g.source), g.seq_from, g.seq_count,
+                       g.t_from_us, g.t_to_us, cause_name(g.cause), g.detail);
+  }
+  for (const Event& e : slice.events) {
+    out += fmt::format("event {} {} {} {} {}\n", e.session, event_kind_name(e.kind), e.seq, e.t_us, e.subject);
+  }
+  for (const ClockPoint& c : slice.clock) {
+    out += fmt::format("clock {} {} {}\n", c.session, c.wall_us, c.mono_us);
+  }
+}
+
+Reading read_everything(const fs::path& folder) {
+  Reading out;
+  try {
+    store::LogReader log = open_reader(folder);
+    print_head(log, out.text);
+    Selection selection;
+    for (const Source source : kWorkloadSources) {
+      selection.add(source, field("x"));
+      log.read_raw(1, source, {}, [&](const Answer& a) {
+        out.text += fmt::format("answer {} {} {} {} {}\n", a.meta.session, source_name(source), a.meta.seq,
+                                a.meta.t_send_us, a.meta.t_recv_us);
+        if (a.meta.session != 1 || a.body != answer_body(1, source, a.meta.seq)) {
+          out.wrong = detail::named(a.meta.session, source, a.meta.seq);
+        }
+      });
+    }
+    log.read(1, {}, selection, [&](const Slice& slice) { print_records(slice, out.text); });
+    out.named = !log.problems().empty();
+  } catch (const Error& error) {
+    out.text = error.what();
+    out.named = true;
+  }
+  return out;
+}
+
+/// The file with one byte changed, for as long as this lives.
+class Flip {
+ public:
+  Flip(const fs::path& path, std::uint64_t offset, unsigned char mask)
+      : file_(open(path.c_str(), O_RDWR | O_CLOEXEC)), offset_(static_cast<off_t>(offset)) {
+    REQUIRE(pread(file_, &byte_, 1, offset_) == 1);
+    const auto changed = static_cast<unsigned char>(byte_ ^ mask);
+    REQUIRE(pwrite(file_, &changed, 1, offset_) == 1);
+  }
+  ~Flip() {
+    static_cast<void>(!pwrite(file_, &byte_, 1, offset_));
+    close(file_);
+  }
+  Flip(const Flip&) = delete;
+  Flip& operator=(const Flip&) = delete;
+
+ private:
+  int file_;
+  off_t offset_;
+  unsigned char byte_ = 0;
+};
+
+constexpr std::uint64_t kPage = 4096;
+constexpr std::chrono::seconds kPatience(2);
+
+/// Without TACHO_LONG: all of the file header, the head and the first cells of every page, and a sample of the rest.
+bool chosen(std::uint64_t offset, bool all) { return all || offset < 100 || offset % kPage < 12 || offset % 151 == 0; }
+
+}  // namespace
+
+TEST_CASE("whichever byte of a closed part flips, reading gives the same or names the damage") {
+  const bool all = std::getenv("TACHO_LONG") != nullptr;
+  TempDir dir(memory_folder());
+  const fs::path part = write_part(dir.path());
+  const Reading whole = read_everything(dir.path());
+  REQUIRE_FALSE(whole.named);
+  REQUIRE(whole.wrong == "");
+  const std::uint64_t size = fs::file_size(part);
+  int flips = 0;
+  int named = 0;
+  for (std::uint64_t offset = 0; offset < size; ++offset) {
+    if (!chosen(offset, all)) {
+      continue;
+    }
+    const auto mask = static_cast<unsigned char>(offset % 3 == 0 ? 0xFFU : 1U << (offset % 8));
+    Reading out;
+    const auto start = std::chrono::steady_clock::now();
+    {
+      const Flip flip(part, offset, mask);
+      out = read_everything(dir.path());
+    }
+    fs::remove(part.string() + "-wal");
+    fs::remove(part.string() + "-shm");
+    INFO("offset " << offset << " (page " << offset / kPage + 1 << ", " << offset % kPage << " in it) of " << size
+                   << ", mask " << int{mask});
+    CHECK(std::chrono::steady_clock::now() - start < kPatience);
+    CHECK(out.wrong == "");
+    CHECK((out.named || out.text == whole.text));
+    ++flips;
+    named += out.named ? 1 : 0;
+  }
+  CHECK(named > flips / 10);
+}

@@ -1,0 +1,147 @@
+// A disk that fails at any of its calls, once or from then on: the writer throws Error and nothing else, and what it
+// could not write becomes gap rows of cause disk.
+
+#include "tests/schema/store_workload.hpp"
+#include "tests/support/faulty_vfs.hpp"
+
+using namespace tacho;
+using namespace tacho::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+enum class Lasts : std::uint8_t {
+  once,
+  until_healed,  ///< the disk works again while the writer still records
+  for_good,      ///< ... only after it has ended
+};
+
+/// Small, but it creates a log, changes the part and ends a session.
+class Scenario {
+ public:
+  Scenario(const fs::path& folder, FaultyDisk& disk, Lasts lasts) : folder_(folder), disk_(&disk), lasts_(lasts) {}
+
+  /// False when the disk never let it finish.
+  bool run() {
+    std::optional<Workload> work;
+    if (!tried([&] { work.emplace(folder_, ledger_, options()); }) || !begun(*work)) {
+      return false;
+    }
+    for (int i = 0; i < 6; ++i) {
+      if (i == 4 && lasts_ == Lasts::until_healed) {
+        disk_->heal();
+      }
+      tried_once([&] { work->poll(); });
+      tried_once([&] { work->poll(); });
+      tried_once([&] { work->commit(); });
+    }
+    return tried([&] { work->end(); });
+  }
+  [[nodiscard]] const Ledger& ledger() const { return ledger_; }
+  /// What was thrown that is no Error; "" when nothing was.
+  [[nodiscard]] const std::string& alien() const { return alien_; }
+
+ private:
+  static store::WriterOptions options() {
+    store::WriterOptions out = workload_options();
+    out.part_per_day = true;
+    return out;
+  }
+  /// From before midnight, so that the day and with it the part changes.
+  bool begun(Workload& work) {
+    return tried([&] { work.begin(kT0 + kDay - 6 * kSecond); });
+  }
+  bool tried_once(const std::function<void()>& step) {
+    try {
+      step();
+      return true;
+    } catch (const Error&) {
+    } catch (const std::exception& other) {
+      alien_ = other.what();
+    }
+    return false;
+  }
+  /// What cannot be done without is tried again, on a healthy disk if there is one.
+  bool tried(const std::function<void()>& step) {
+    if (tried_once(step)) {
+      return true;
+    }
+    if (lasts_ == Lasts::until_healed) {
+      disk_->heal();
+    }
+    return tried_once(step);
+  }
+
+  fs::path folder_;
+  FaultyDisk* disk_;
+  Lasts lasts_;
+  Ledger ledger_;
+  std::string alien_;
+};
+
+const char* name_of(FaultKind kind) {
+  return kind == FaultKind::no_space ? "ENOSPC" : kind == FaultKind::io_error ? "EIO" : "short write";
+}
+
+/// Runs the scenario with one fault and requires all promises; true when the fault struck.
+bool survives(FaultKind kind, Lasts lasts, std::uint64_t call) {
+  TempDir dir(memory_folder());
+  FaultyDisk disk(dir / "log");
+  disk.inject({kind, call, lasts != Lasts::once});
+  Scenario scenario(dir / "log", disk, lasts);
+  const bool finished = scenario.run();
+  const bool struck = disk.struck();
+  disk.heal();
+  INFO(name_of(kind) << (lasts == Lasts::once ? " at call " : " from call ") << call);
+  REQUIRE(scenario.alien() == "");
+  REQUIRE((finished || lasts == Lasts::for_good));
+  { store::LogWriter writer(dir / "log"); }
+  REQUIRE(integrity_of(dir / "log") == "");
+  const Verdict verdict = judge(dir / "log", scenario.ledger());
+  REQUIRE(verdict.fault == "");
+  REQUIRE((struck || verdict.lost == 0));
+  return struck;
+}
+
+/// The calls of the scenario on a disk that works.
+std::vector<Call> calls() {
+  TempDir dir(memory_folder());
+  FaultyDisk disk(dir / "log");
+  std::vector<Call> all;
+  disk.before_each_call([&](Call call) { all.push_back(call); });
+  CHECK(Scenario(dir / "log", disk, Lasts::once).run());
+  return all;
+}
+
+void fail_everywhere(FaultKind kind, Lasts lasts) {
+  const std::vector<Call> all = calls();
+  CHECK(all.size() > 100);
+  for (std::uint64_t call = 0; call < all.size(); ++call) {
+    // Other calls than writes know no difference between a short write and a full disk.
+    if (kind == FaultKind::short_write && all[call] != Call::write) {
+      continue;
+    }
+    if (!survives(kind, lasts, call)) {
+      REQUIRE(lasts == Lasts::until_healed);  // the disk worked again before this call
+      break;
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("whichever call to the disk fails once, no acknowledged answer is lost and recording goes on") {
+  for (const FaultKind kind : {FaultKind::no_space, FaultKind::io_error, FaultKind::short_write}) {
+    fail_everywhere(kind, Lasts::once);
+  }
+}
+
+TEST_CASE("whenever the disk fails for a while, what could not be written becomes gap rows of cause disk") {
+  fail_everywhere(FaultKind::no_space, Lasts::until_healed);
+}
+
+TEST_CASE("whenever the disk fails for good, the next start on a healthy disk finds all that was acknowledged") {
+  for (const FaultKind kind : {FaultKind::no_space, FaultKind::io_error, FaultKind::short_write}) {
+    fail_everywhere(kind, Lasts::for_good);
+  }
+}
