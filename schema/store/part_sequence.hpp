@@ -34,7 +34,7 @@ class PartSequence {
   /// Starts the next part; `hot` are the rows of the one before that have not been moved yet. When this throws, the
   /// current part goes on.
   void next(const Fill& fill, const HotLedger& hot);
-  /// The current part is no longer written. All its rows are counted in its coverage.
+  /// The current part is no longer written.
   void close(const HotLedger& hot);
   /// Moves what is hot in parts that are no longer written, for some time or to the end, and closes those that no
   /// reader holds open.
@@ -51,7 +51,8 @@ class PartSequence {
   /// No longer written, not yet closed.
   struct Left {
     std::filesystem::path path;
-    std::optional<HotLedger> hot;                        ///< empty: not known yet
+    std::optional<HotLedger> hot;  ///< empty: not known yet
+    bool counted = false;
     std::chrono::steady_clock::time_point not_before{};  ///< a reader held it open at the last try
   };
   std::vector<Left> left_;
