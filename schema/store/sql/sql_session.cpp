@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <string_view>
 #include <utility>
 
@@ -132,9 +133,12 @@ struct SqlSession::Impl {
   Guard guard;
 
   explicit Impl(RowSource& log);
+  void run(const std::string& sql, const Head& head, const Row& row);
   [[nodiscard]] std::vector<std::string> table_names() const;
   [[noreturn]] void fail(const std::string& sql) const;
   [[nodiscard]] std::string place(const std::string& sql) const;
+  /// False for white space, semicolons and remarks.
+  [[nodiscard]] bool is_statement(const char* sql) const;
 };
 
 SqlSession::Impl::Impl(RowSource& log) {
@@ -164,6 +168,13 @@ std::string SqlSession::Impl::place(const std::string& sql) const {
   return " at '" + rest.substr(0, kShown) + (rest.size() > kShown ? "...'" : "'");
 }
 
+bool SqlSession::Impl::is_statement(const char* sql) const {
+  sqlite3_stmt* raw = nullptr;
+  const int code = sqlite3_prepare_v2(connection.handle(), sql, -1, &raw, nullptr);
+  const std::unique_ptr<sqlite3_stmt, FinalizeStatement> statement(raw);
+  return code != SQLITE_OK || raw != nullptr;
+}
+
 void SqlSession::Impl::fail(const std::string& sql) const {
   const std::string cause = sqlite3_errmsg(connection.handle());
   if (!guard.refused.empty()) {
@@ -184,29 +195,18 @@ void SqlSession::Impl::fail(const std::string& sql) const {
   throw StatementError("sql", cause + place(sql), "the statement is one SELECT in the language of SQLite");
 }
 
-SqlSession::SqlSession(RowSource& log) {
-  static const bool kFetched = (fetch_api(), true);
-  static_cast<void>(kFetched);
-  impl_ = std::make_unique<Impl>(log);
-}
-
-SqlSession::~SqlSession() = default;
-
-void SqlSession::run(const std::string& sql, const std::function<void(const std::vector<std::string>&)>& head,
-                     const std::function<void(std::span<const SqlValue>)>& row) {
-  Impl& impl = *impl_;
-  impl.guard.refused.clear();
+void SqlSession::Impl::run(const std::string& sql, const Head& head, const Row& row) {
   sqlite3_stmt* raw = nullptr;
   const char* rest = nullptr;
-  const int code = sqlite3_prepare_v2(impl.connection.handle(), sql.c_str(), static_cast<int>(sql.size()), &raw, &rest);
+  const int code = sqlite3_prepare_v2(connection.handle(), sql.c_str(), static_cast<int>(sql.size()), &raw, &rest);
   const std::unique_ptr<sqlite3_stmt, FinalizeStatement> statement(raw);
   if (code != SQLITE_OK) {
-    impl.fail(sql);
+    fail(sql);
   }
   if (raw == nullptr) {
     throw StatementError("sql", "there is no statement", "for example: select robot, count(*) from status group by 1");
   }
-  if (std::string_view(rest).find_first_not_of(" \t\r\n;") != std::string_view::npos) {
+  if (is_statement(rest)) {
     throw StatementError("sql", "more than one statement", "give one SELECT");
   }
   if (sqlite3_bind_parameter_count(raw) > 0) {
@@ -227,7 +227,25 @@ void SqlSession::run(const std::string& sql, const std::function<void(const std:
     row(values);
   }
   if (step != SQLITE_DONE) {
-    impl.fail(sql);
+    fail(sql);
+  }
+}
+
+SqlSession::SqlSession(RowSource& log) : log_(&log) {
+  static const bool kFetched = (fetch_api(), true);
+  static_cast<void>(kFetched);
+  impl_ = std::make_unique<Impl>(log);
+}
+
+SqlSession::~SqlSession() = default;
+
+void SqlSession::run(const std::string& sql, const Head& head, const Row& row) {
+  try {
+    impl_->run(sql, head, row);
+  } catch (const StatementError&) {
+    // A refused statement can make SQLite forget its tables; to declare them again it would need what the guard denies.
+    impl_ = std::make_unique<Impl>(*log_);
+    throw;
   }
 }
 

@@ -36,13 +36,15 @@ class SqlSession {
   SqlSession(const SqlSession&) = delete;
   SqlSession& operator=(const SqlSession&) = delete;
 
+  using Head = std::function<void(const std::vector<std::string>&)>;
+  using Row = std::function<void(std::span<const SqlValue>)>;
   /// Runs one statement: `head` gets the names of the columns, once, before the first row; `row` gets each row, valid
-  /// during the call. Throws StatementError, and Error when the log cannot be read.
-  void run(const std::string& sql, const std::function<void(const std::vector<std::string>&)>& head,
-           const std::function<void(std::span<const SqlValue>)>& row);
+  /// during the call. Throws StatementError, also for a log that cannot be read.
+  void run(const std::string& sql, const Head& head, const Row& row);
 
  private:
   struct Impl;
+  RowSource* log_;
   std::unique_ptr<Impl> impl_;
 };
 
