@@ -5,6 +5,7 @@
 #include "schema/json_text.hpp"
 #include "schema/store/sql/row_columns.hpp"
 #include "schema/store/sql/row_scan.hpp"
+#include "schema/store/sql/shared_log.hpp"
 #include "schema/store/sql/time_text.hpp"
 #include "schema/time.hpp"
 #include "tests/schema/sql_fixture.hpp"
@@ -342,4 +343,30 @@ TEST_CASE("a robot that was away for a year costs few reads, and none of its row
   for (std::size_t i = 1; i < spy.reads.size(); ++i) {
     CHECK(spy.reads[i].window.from_us == spy.reads[i - 1].window.to_us);
   }
+}
+
+TEST_CASE("a log that has grown is opened again by the next statement, not under one that is reading") {
+  TempDir dir;
+  const auto add_session = [&] {
+    store::LogWriter writer(dir / "log");
+    Session session;
+    session.t_start_us = kT0;
+    session.software = "test";
+    writer.begin_session(session);
+    writer.end_session(kT0 + 1'000'000, true);
+  };
+  add_session();
+  SharedLog shared(open_log, {dir / "log"});
+  std::shared_ptr<void> reading = shared.use();
+  CHECK(shared.get().sessions().size() == 1);
+  add_session();
+  CHECK(shared.use() == reading);
+  CHECK(shared.get().sessions().size() == 1);
+  reading.reset();
+  reading = shared.use();
+  CHECK(shared.get().sessions().size() == 2);
+  const RowSource* opened = &shared.get();
+  reading.reset();
+  reading = shared.use();
+  CHECK(&shared.get() == opened);  // nothing new: nothing to do
 }

@@ -75,6 +75,12 @@ std::shared_ptr<SharedLog> LogShelf::at(const std::vector<std::string>& paths) {
     }
     return standard_;
   }
+  for (const std::string& path : paths) {
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) {  // said now, not when the table is first read
+      throw Error(path, "does not exist", "give the folder of a log, or a part of one");
+    }
+  }
   std::weak_ptr<SharedLog>& known = logs_[paths];
   std::shared_ptr<SharedLog> log = known.lock();
   if (!log) {

@@ -48,7 +48,7 @@ class LogShelf {
   /// `standard` is what a table without arguments reads; may be null.
   LogShelf(OpenLog open, std::shared_ptr<SharedLog> standard)
       : open_(std::move(open)), standard_(std::move(standard)) {}
-  /// The log of these files. Throws Error when there are none and no standard.
+  /// The log of these files. Throws Error when one does not exist, or there are none and no standard.
   std::shared_ptr<SharedLog> at(const std::vector<std::string>& paths);
 
  private:
