@@ -201,6 +201,24 @@ TEST_CASE("conditions that are pushed down give the rows of a full scan") {
         integer(session, "select count(*) from status where robot_id = 1"));
 }
 
+TEST_CASE("conditions joined by or give each row once") {
+  const auto log = open_sql_log();
+  SqlSession session(*log);
+  const std::string t = std::to_string(kT0 + 600'000'000);
+  for (const std::string table : {"status", "registers"}) {
+    const std::string head = "select count(*), count(distinct rowid), sum(seq), sum(x) from " + table + " where ";
+    const std::string pushed = "robot = 'amb-01' and t_send_us < " + t + " or robot = 'amb-02' and t_send_us > " + t +
+                               " or t_send_us < " + t + " - 100000000";
+    const std::string plain = "+robot = 'amb-01' and +t_send_us < " + t + " or +robot = 'amb-02' and +t_send_us > " +
+                              t + " or +t_send_us < " + t + " - 100000000";
+    CHECK(as_text(rows_of(session, head + pushed)) == as_text(rows_of(session, head + plain)));
+    CHECK(integer(session, "select count(*) - count(distinct rowid) from " + table) == 0);
+  }
+  CHECK(integer(session, "select count(*) - count(distinct rowid) from event") == 0);
+  CHECK(integer(session, "select count(*) from event where robot = 1 or robot = 2 and kind = 'station'") ==
+        integer(session, "select count(*) from event where +robot = 1 or +robot = 2 and +kind = 'station'"));
+}
+
 TEST_CASE("a statement reads only its columns, its robot and its time") {
   const auto log = open_sql_log();
   Spy spy(*log);

@@ -237,6 +237,12 @@ class RecordCursor final : public TableCursor {
     ++at_;
     skip_empty();
   }
+  /// Number of the row within its robot, and the robot.
+  [[nodiscard]] std::int64_t row_id() const override {
+    constexpr unsigned kRowBits = 40;
+    const RobotId robot = next_robot_ > 0 ? robots_[next_robot_ - 1].id : 0;
+    return static_cast<std::int64_t>(std::uint64_t{robot} << kRowBits | at_);
+  }
   void column(sqlite3_context* out, int column) override {
     const Value& value = rows_[at_][static_cast<std::size_t>(column)];
     if (const auto* n = std::get_if<std::int64_t>(&value)) {

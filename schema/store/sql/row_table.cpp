@@ -180,6 +180,7 @@ class RowCursor final : public TableCursor {
   void start(std::string_view plan, std::span<sqlite3_value* const> values) override;
   [[nodiscard]] bool at_end() const override { return at_end_; }
   void next() override { at_end_ = !scan_->next(); }
+  [[nodiscard]] std::int64_t row_id() const override;
   void column(sqlite3_context* out, int column) override;
 
  private:
@@ -262,6 +263,17 @@ void RowCursor::start(std::string_view plan, std::span<sqlite3_value* const> val
     scan_.emplace(log, std::move(query));
     next();
   }
+}
+
+/// Robot, session and seq, which are a row's identity: 1023 robots, 131071 starts of the recorder, 68 000 million
+/// polls.
+std::int64_t RowCursor::row_id() const {
+  constexpr unsigned kSeqBits = 36;
+  constexpr unsigned kSessionBits = 17;
+  const std::uint64_t seq = scan_->batch().seq[scan_->row()] & ((std::uint64_t{1} << kSeqBits) - 1);
+  const std::uint64_t session = scan_->session() & ((std::uint64_t{1} << kSessionBits) - 1);
+  const std::uint64_t robot = scan_->robot().id & 1023U;
+  return static_cast<std::int64_t>(robot << (kSeqBits + kSessionBits) | session << kSeqBits | seq);
 }
 
 void RowCursor::column(sqlite3_context* out, int index) {

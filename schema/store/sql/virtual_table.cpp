@@ -15,7 +15,6 @@ struct OpenTable {
 struct OpenCursor {
   sqlite3_vtab_cursor base{};
   std::unique_ptr<TableCursor> cursor;
-  sqlite3_int64 row = 0;
 };
 
 // Both structs begin with their base, so the pointers are interchangeable; SQLite's way to derive.
@@ -108,16 +107,12 @@ int close_cursor(sqlite3_vtab_cursor* base) {
 
 int filter(sqlite3_vtab_cursor* base, int, const char* plan, int count, sqlite3_value** values) {
   return guarded(&base->pVtab->zErrMsg, [&] {
-    cursor_of(base).row = 0;
     cursor_of(base).cursor->start(plan, {values, static_cast<std::size_t>(count)});
   });
 }
 
 int next(sqlite3_vtab_cursor* base) {
-  return guarded(&base->pVtab->zErrMsg, [&] {
-    ++cursor_of(base).row;
-    cursor_of(base).cursor->next();
-  });
+  return guarded(&base->pVtab->zErrMsg, [&] { cursor_of(base).cursor->next(); });
 }
 
 int at_end(sqlite3_vtab_cursor* base) { return cursor_of(base).cursor->at_end() ? 1 : 0; }
@@ -126,9 +121,8 @@ int column(sqlite3_vtab_cursor* base, sqlite3_context* out, int index) {
   return guarded(&base->pVtab->zErrMsg, [&] { cursor_of(base).cursor->column(out, index); });
 }
 
-/// Number of the row in this pass: unique in a statement, which is all that is promised.
 int row_id(sqlite3_vtab_cursor* base, sqlite3_int64* out) {
-  *out = cursor_of(base).row;
+  *out = cursor_of(base).cursor->row_id();
   return SQLITE_OK;
 }
 

@@ -23,6 +23,9 @@ class TableCursor {
   virtual void start(std::string_view plan, std::span<sqlite3_value* const> values) = 0;
   [[nodiscard]] virtual bool at_end() const = 0;
   virtual void next() = 0;
+  /// The same for the same row in every pass: where a condition says `or`, SQLite makes several passes and keeps each
+  /// row once.
+  [[nodiscard]] virtual std::int64_t row_id() const = 0;
   /// Hands the value of a column of the current row to SQLite; nothing handed over is NULL.
   virtual void column(sqlite3_context* out, int column) = 0;
 };
