@@ -160,6 +160,7 @@ class Program {
     sub->add_flag("--states", extra_.exports.states, "say of each missing value why it is missing");
     sub->add_flag("--raw", extra_.exports.raw, "the stored answers, each followed by a newline; -o DIR: a file each");
     format_options(sub, {"csv", "json", "sqlite"});
+    sub->get_option("--output")->description("write to this file; with --raw a folder; sqlite needs it, as a new file");
   }
 
   void add_sql() {
@@ -178,6 +179,7 @@ class Program {
                     "session, stream, coverage, gap, event, clock, unknown_key, problem, field, code")
         ->required();
     format_options(sub, {"table", "json", "csv"});
+    sub->get_option("--output")->description("write to this file");
   }
 
   void add_tables() {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <optional>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -34,6 +35,18 @@ Value number(Number n) {
   return static_cast<std::int64_t>(n);
 }
 
+/// NULL when there is none.
+template <class Number>
+Value number(const std::optional<Number>& n) {
+  Value value;
+  if (n) {
+    value = static_cast<std::int64_t>(*n);
+  }
+  return value;
+}
+
+std::optional<Micros> when(bool known, Micros t) { return known ? std::optional(t) : std::nullopt; }
+
 Value text(std::string_view t) { return std::string(t); }
 
 std::vector<Row> robot_rows(RowSource& log, const Robot*) {
@@ -47,8 +60,8 @@ std::vector<Row> robot_rows(RowSource& log, const Robot*) {
 std::vector<Row> session_rows(RowSource& log, const Robot*) {
   std::vector<Row> rows;
   for (const Session& s : log.sessions()) {
-    rows.push_back({number(s.id), s.t_start_us, s.t_end_us == 0 ? Value() : Value(s.t_end_us), number(s.clean),
-                    s.software, s.config, s.host});
+    rows.push_back({number(s.id), s.t_start_us, number(when(s.t_end_us != 0, s.t_end_us)), number(s.clean), s.software,
+                    s.config, s.host});
   }
   return rows;
 }
@@ -57,7 +70,7 @@ std::vector<Row> stream_rows(RowSource& log, const Robot*) {
   std::vector<Row> rows;
   for (const Stream& s : log.streams()) {
     rows.push_back({number(s.session), number(s.robot), text(source_name(s.source)), s.period_us,
-                    text(word_order_name(s.word_order)), s.request, s.planned ? number(*s.planned) : Value()});
+                    text(word_order_name(s.word_order)), s.request, number(s.planned)});
   }
   return rows;
 }
@@ -67,8 +80,8 @@ std::vector<Row> coverage_rows(RowSource& log, const Robot*) {
   for (const Coverage& c : log.coverage()) {
     const bool any = c.stored > 0;
     rows.push_back({number(c.robot), text(source_name(c.source)), number(c.stored), number(c.missed), number(c.planned),
-                    number(c.partial), number(c.undecodable), number(c.bytes), any ? Value(c.first_us) : Value(),
-                    any ? Value(c.last_us) : Value(), c.period_us});
+                    number(c.partial), number(c.undecodable), number(c.bytes), number(when(any, c.first_us)),
+                    number(when(any, c.last_us)), c.period_us});
   }
   return rows;
 }
@@ -126,8 +139,7 @@ std::vector<Row> clock_rows(RowSource& log, const Robot* robot) {
   each_slice(log, *robot, [&](const Slice& slice) {
     for (const ClockPoint& c : slice.clock) {
       if (c.robot != 0 || first) {
-        rows.push_back(
-            {number(c.robot), number(c.session), c.wall_us, c.mono_us, c.robot_us ? Value(*c.robot_us) : Value()});
+        rows.push_back({number(c.robot), number(c.session), c.wall_us, c.mono_us, number(c.robot_us)});
       }
     }
   });
