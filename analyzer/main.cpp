@@ -11,6 +11,7 @@
 #include "analyzer/commands/fields.hpp"
 #include "analyzer/commands/info.hpp"
 #include "analyzer/commands/report.hpp"
+#include "analyzer/commands/sql.hpp"
 #include "schema/text.hpp"
 #include "schema/time.hpp"
 
@@ -42,6 +43,7 @@ class Program {
     add_incident();
     add_report();
     add_export();
+    add_sql();
     add_tables();
   }
 
@@ -139,10 +141,12 @@ class Program {
   }
 
   void add_export() {
-    CLI::App* sub = command("export", "Rows of a source as CSV or JSON lines, or the answers byte for byte", [this] {
+    CLI::App* sub = command("export", "Rows as CSV, JSON lines or a SQLite file, or the answers byte for byte", [this] {
       Job job = open_job(options_);
       if (extra_.exports.raw) {
         export_raw(job, extra_.exports);
+      } else if (options_.format == "sqlite") {
+        export_database(job, extra_.exports);
       } else {
         export_rows(job, extra_.exports);
       }
@@ -155,7 +159,27 @@ class Program {
     sub->add_option("--fields", extra_.exports.fields, "only these fields, separated by commas")->delimiter(',');
     sub->add_flag("--states", extra_.exports.states, "say of each missing value why it is missing");
     sub->add_flag("--raw", extra_.exports.raw, "the stored answers, each followed by a newline; -o DIR: a file each");
-    format_options(sub, {"csv", "json"});
+    format_options(sub, {"csv", "json", "sqlite"});
+    sub->get_option("--output")->description("write to this file; with --raw a folder; sqlite needs it, as a new file");
+  }
+
+  void add_sql() {
+    CLI::App* sub = command("sql", "One SELECT over the whole log", [this] {
+      if (options_.logs.size() < 2) {
+        throw UsageError("sql: a log and a statement are needed; write sql LOG \"select robot, count(*) from status\"");
+      }
+      const std::string statement = options_.logs.back();
+      options_.logs.pop_back();
+      options_.all = true;  // how many rows is for the statement to say
+      Job job = open_job(options_);
+      return run_sql(job, statement);
+    });
+    sub->add_option("LOG SQL", options_.logs,
+                    "folder of a log, or its parts; then the statement. Tables: status, registers, inputs, io, robot, "
+                    "session, stream, coverage, gap, event, clock, unknown_key, problem, field, code")
+        ->required();
+    format_options(sub, {"table", "json", "csv"});
+    sub->get_option("--output")->description("write to this file");
   }
 
   void add_tables() {

@@ -3,15 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
+#include <cstdio>
 
+#include "analyzer/commands/output.hpp"
 #include "analyzer/report/csv.hpp"
 #include "analyzer/report/folder.hpp"
 #include "analyzer/report/text.hpp"
 #include "schema/docs.hpp"
 #include "schema/error.hpp"
+#include "schema/json_text.hpp"
+#include "schema/store/sql/sqlite_export.hpp"
 #include "schema/text.hpp"
 #include "schema/time.hpp"
 
@@ -21,42 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using report::CsvColumn;
 using report::CsvWriter;
-
-/// Where rows go: standard output, or the file of -o.
-class Output {
- public:
-  explicit Output(const std::string& path) : path_(path) {
-    if (!path_.empty()) {
-      errno = 0;
-      file_.open(path_, std::ios::binary | std::ios::trunc);
-      check();
-    }
-  }
-  void write(std::string_view text) {
-    if (path_.empty()) {
-      write_stdout(text);
-      return;
-    }
-    file_.write(text.data(), static_cast<std::streamsize>(text.size()));
-    check();
-  }
-  void close() {
-    if (!path_.empty()) {
-      file_.close();
-      check();
-    }
-  }
-
- private:
-  std::string path_;
-  std::ofstream file_;
-  void check() {
-    if (!file_) {
-      throw Error(path_, errno != 0 ? std::strerror(errno) : "cannot be written",
-                  "check that the folder exists and the disk has room");
-    }
-  }
-};
 
 std::vector<Coverage> coverage_of(const Job& job) {
   std::vector<Coverage> all = job.log->coverage();
@@ -295,10 +260,10 @@ class JsonRows final : public RowFormat {
         out += report::exact(column.integer[row.at]);
         return;
       case Kind::alarms:
-        alarms(out, row, kFields[f].name);
+        out += alarms_json(row.batch, row.at, kFields[f].name);
         return;
       case Kind::points:
-        points(out, row, kFields[f].name == "do");
+        out += points_json(row.batch, row.at, kFields[f].name == "do");
         return;
       case Kind::text:
         out += report::json_string(row.batch.text(column, row.at));
@@ -315,35 +280,6 @@ class JsonRows final : public RowFormat {
     for (const char c : text) {
       out += c == '\n' || c == '\r' ? ' ' : c;
     }
-  }
-
-  static void alarms(std::string& out, const Row& row, std::string_view array) {
-    out += '[';
-    bool first = true;
-    for (const AlarmItem& item : row.batch.alarms_of(row.at)) {
-      if (std::string(alarm_level_name(item.level)) + "s" != array) {
-        continue;
-      }
-      out += fmt::format("{}{{\"code\":{},\"stamp_s\":{},\"times\":{},\"desc\":{}}}", first ? "" : ",", item.code,
-                         item.stamp_s, item.times, report::json_string(row.batch.texts.at(item.desc)));
-      first = false;
-    }
-    out += ']';
-  }
-
-  static void points(std::string& out, const Row& row, bool output) {
-    out += '[';
-    bool first = true;
-    for (const IoPoint& p : row.batch.points_of(row.at)) {
-      if (p.output != output) {
-        continue;
-      }
-      const char* valid = p.valid < 0 ? "null" : p.valid > 0 ? "true" : "false";
-      out += fmt::format("{}{{\"id\":{},\"status\":{},\"valid\":{},\"source\":{}}}", first ? "" : ",", p.id, p.status,
-                         valid, report::json_string(row.batch.texts.at(p.source)));
-      first = false;
-    }
-    out += ']';
   }
 };
 
@@ -395,6 +331,31 @@ void export_rows(Job& job, const ExportOptions& options) {
     schema.add(fs::path(job.options.output).filename().string(), rows.columns());
     report::write_file(schema_path(job.options.output), schema.text());
   }
+}
+
+void export_database(Job& job, const ExportOptions& options) {
+  if (job.options.output.empty()) {
+    throw UsageError("--format sqlite writes a file: give its name with -o");
+  }
+  if (options.states) {
+    throw UsageError("--states: the wide tables have no place for them; `tacho-analyzer sql` has a column states");
+  }
+  store::sql::SqliteExport what;
+  what.robots = job.robots;
+  what.window = job.window;
+  what.fields.set();
+  if (!options.fields.empty()) {
+    std::vector<FieldIndex> order;
+    what.fields = choose_fields(job, Source::status, options.fields, order);
+  }
+  if (options.source.empty()) {
+    what.sources = {Source::status, Source::io, Source::registers, Source::inputs};
+  } else {
+    what.sources = {choose_source(job, options.source)};
+  }
+  const std::uint64_t rows = store::sql::export_sqlite(*job.log, what, job.options.output);
+  std::fprintf(stderr, "tacho-analyzer: %s: %llu rows\n", job.options.output.c_str(),
+               static_cast<unsigned long long>(rows));
 }
 
 void export_raw(Job& job, const ExportOptions& options) {

@@ -1,6 +1,6 @@
 #pragma once
-// Rows of one source as CSV or JSON lines, and stored answers byte for byte. Streams: memory does not grow with the
-// log.
+// Rows of one source as CSV or JSON lines, all of them as a SQLite file, and stored answers byte for byte. Streams:
+// memory does not grow with the log.
 
 #include <string>
 #include <vector>
@@ -20,6 +20,9 @@ struct ExportOptions {
 /// Whatever is not a value (absent, null, not meaningful, not supplied, wrong type) is an empty field in CSV; in JSON
 /// lines an absent field is left out and the others are null; which of them it was is said with `states`.
 void export_rows(Job& job, const ExportOptions& options);
+
+/// All sources as wide tables of one SQLite file, which must not exist yet; --source and --fields choose less.
+void export_database(Job& job, const ExportOptions& options);
 
 /// Every stored body in order, each followed by one newline, to standard output; with -o DIR one file each, exactly the
 /// stored bytes.

@@ -229,6 +229,12 @@ std::string schema_sql() {
   return out;
 }
 
+std::string table_sql(std::string_view table) {
+  const auto* found = std::find_if(kTables.begin(), kTables.end(), [&](const Table& t) { return t.name == table; });
+  assert(found != kTables.end());
+  return create_sql(*found);
+}
+
 std::string insert_sql(std::string_view table, std::string_view on_conflict) {
   const Names names = names_of(table);
   return fmt::format("INSERT {} INTO {}({}) VALUES({})", on_conflict, table, names.columns, names.parameters);

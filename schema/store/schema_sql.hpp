@@ -15,6 +15,8 @@ inline constexpr std::int64_t kSchemaVersion = 1;
 /// Everything a new part is created with: pragmas and CREATE TABLE statements, with the meaning of each column as
 /// comment.
 std::string schema_sql();
+/// CREATE TABLE text of one table.
+std::string table_sql(std::string_view table);
 
 /// "INSERT INTO gap(id, robot, ...) VALUES(?1, ?2, ...)": every column of the table in its order. `on_conflict`: "",
 /// "OR REPLACE" or "OR IGNORE".

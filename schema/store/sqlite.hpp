@@ -115,6 +115,12 @@ class Statement {
     }
   }
   void reset();
+  /// Binds one value, for statements whose number of parameters is not known when compiling; reset() comes first. A
+  /// text must live until the statement has run.
+  template <class Value>
+  void set(int index, const Value& value) {
+    bind(index, value);
+  }
 
   [[nodiscard]] int columns() const;
   [[nodiscard]] bool null(int column) const;
