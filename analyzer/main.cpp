@@ -100,7 +100,7 @@ class Program {
   void add_info() {
     CLI::App* sub = command("info", "What the log holds, and what is missing", [this] {
       Job job = open_job(options_);
-      return print(info(*job.log, job.robots, job.reader), job);
+      return print(info(*job.log, job.robots, job.reader, job.settings), job);
     });
     log_options(sub);
     format_options(sub, {"table", "json", "csv"});
@@ -213,7 +213,7 @@ class Program {
     query.at_us = time_option("--at", extra_.at, options_.zone);
     job.window = {query.at_us - query.before_us, query.at_us + query.after_us};
     options_.rows = 200;  // the time line is the answer
-    return print(incident(*job.log, job.robot_ids(), query), job);
+    return print(incident(*job.log, job.robot_ids(), query, job.settings), job);
   }
 
   void refuse_unknown_command(int argc, char** argv) {

@@ -1,12 +1,15 @@
 #include "analyzer/settings.hpp"
 
+#include <fmt/format.h>
 #include <toml++/toml.h>
+
 #include <cassert>
 #include <cmath>
-
 #include <vector>
 
 #include "analyzer/analyses/analyses.hpp"
+#include "analyzer/analyses/incident.hpp"
+#include "analyzer/commands/info.hpp"
 #include "schema/error.hpp"
 #include "schema/text.hpp"
 
@@ -139,6 +142,17 @@ double Settings::number(std::string_view name, std::string_view robot) const {
   return *value.value;
 }
 
+std::string Settings::sources(std::span<const std::string_view> names, std::string_view robot) const {
+  std::vector<std::string> all;
+  for (const std::string_view name : names) {
+    std::string source = get(name, robot).source;
+    if (std::find(all.begin(), all.end(), source) == all.end()) {
+      all.push_back(std::move(source));
+    }
+  }
+  return fmt::format("{}", fmt::join(all, ", "));
+}
+
 void Settings::set(std::string_view name, double value, std::string source) {
   values_.insert_or_assign(std::string(name), SettingValue{value, std::move(source)});
 }
@@ -157,12 +171,14 @@ std::vector<std::string> Settings::robots() const {
 std::span<const SettingRow> setting_rows() {
   static const std::vector<SettingRow> rows = [] {
     std::vector<SettingRow> all;
+    const auto add = [&all](std::span<const SettingRow> own) { all.insert(all.end(), own.begin(), own.end()); };
     for (const AnalysisSpec& spec : analyses()) {
       if (spec.settings != nullptr) {
-        const std::span<const SettingRow> own = spec.settings();
-        all.insert(all.end(), own.begin(), own.end());
+        add(spec.settings());
       }
     }
+    add(commands::info_settings());
+    add(incident_settings());
     return all;
   }();
   return rows;

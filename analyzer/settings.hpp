@@ -2,12 +2,17 @@
 // Thresholds and facts about the robots, in one table. Values come from `--config FILE` (TOML), else the default; each
 // is printed with the result that used it, together with where it came from.
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
 #include <filesystem>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 namespace tacho {
@@ -33,6 +38,11 @@ class Settings {
   /// `name` must be a row of the table (assert). A per-robot value ([robot.NAME.battery]) wins over the general one.
   [[nodiscard]] SettingValue get(std::string_view name, std::string_view robot = {}) const;
   [[nodiscard]] double number(std::string_view name, std::string_view robot = {}) const;  ///< has a default
+  /// Where these came from: "default", or the places in the configuration file.
+  [[nodiscard]] std::string sources(std::span<const std::string_view> names, std::string_view robot = {}) const;
+  [[nodiscard]] std::string sources(std::initializer_list<std::string_view> names, std::string_view robot = {}) const {
+    return sources(std::span(names.begin(), names.size()), robot);
+  }
   /// `name` is "odometry.v_max_mps", or "NAME/odometry.v_max_mps" for one robot.
   void set(std::string_view name, double value, std::string source);
   /// Robots that have values of their own, sorted.
@@ -42,7 +52,34 @@ class Settings {
   std::map<std::string, SettingValue, std::less<>> values_;  // "name" or "robot/name"
 };
 
-/// The rows of all analyses (AnalysisSpec::settings), in their order.
+/// The rows of all analyses (AnalysisSpec::settings), in their order, then those of info and incident.
 std::span<const SettingRow> setting_rows();
+
+/// A row of the table and the member of an analysis' Config that it fills. Optional members are those without default.
+template <typename Config>
+struct ConfigRow {
+  SettingRow row;
+  std::variant<double Config::*, std::optional<double> Config::*> member;
+};
+
+template <typename Config, std::size_t kCount>
+constexpr std::array<SettingRow, kCount> rows_of(const std::array<ConfigRow<Config>, kCount>& table) {
+  std::array<SettingRow, kCount> rows;
+  std::transform(table.begin(), table.end(), rows.begin(), [](const ConfigRow<Config>& entry) { return entry.row; });
+  return rows;
+}
+
+/// Fills every member that the table names with its value for one robot.
+template <typename Config, std::size_t kCount>
+void fill(Config& config, const std::array<ConfigRow<Config>, kCount>& table, const Settings& settings,
+          std::string_view robot) {
+  for (const ConfigRow<Config>& entry : table) {
+    if (const auto* number = std::get_if<double Config::*>(&entry.member)) {
+      config.*(*number) = settings.number(entry.row.name, robot);
+    } else {
+      config.*std::get<std::optional<double> Config::*>(entry.member) = settings.get(entry.row.name, robot).value;
+    }
+  }
+}
 
 }  // namespace tacho

@@ -61,7 +61,7 @@ Finding rate_band(const AlarmData& data, const AlarmScope& scope) {
   f.title += scope.robot.empty() ? kOperator : "";
   f.threshold =
       fmt::format("PASS up to {:g} /h, FAIL above {:g} /h (ANSI/ISA-18.2-2016, per operator position)", pass, fail);
-  f.threshold_source = cells::sources(data.settings, {"alarms.rate_pass_per_h", "alarms.rate_fail_per_h"}, scope.robot);
+  f.threshold_source = data.settings.sources({"alarms.rate_pass_per_h", "alarms.rate_fail_per_h"}, scope.robot);
   if (!(scope.hours > 0.0)) {
     unknown(f, "1/h", "no two polls with alarm arrays near each other", "record for at least an hour");
     return f;
@@ -89,8 +89,7 @@ Finding flood_share(const AlarmData& data, const AlarmScope& scope) {
   Finding f = finding(kFloods, scope.robot, 6);
   f.title += scope.robot.empty() ? kOperator : "";
   f.threshold = fmt::format("PASS up to {:g} %, FAIL above {:g} %", pass * 100, fail * 100);
-  f.threshold_source =
-      cells::sources(data.settings, {"alarms.flood_share_pass", "alarms.flood_share_fail"}, scope.robot);
+  f.threshold_source = data.settings.sources({"alarms.flood_share_pass", "alarms.flood_share_fail"}, scope.robot);
   if (!(scope.hours > 0.0)) {
     unknown(f, "%", "no two polls with alarm arrays near each other", "record for at least a day");
     return f;
@@ -126,8 +125,8 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
   const double fail = data.settings.number("alarms.chatter_codes_fail", robot.name);
   f.threshold = fmt::format("PASS none, FAIL from {:g} codes; chattering: {} raises in {:g} s", fail,
                             data.rules.chatter.raises, static_cast<double>(data.rules.chatter.window_us) * 1e-6);
-  f.threshold_source = cells::sources(
-      data.settings, {"alarms.chatter_codes_fail", "alarms.chatter_raises", "alarms.chatter_window_s"}, robot.name);
+  f.threshold_source = data.settings.sources(
+      {"alarms.chatter_codes_fail", "alarms.chatter_raises", "alarms.chatter_window_s"}, robot.name);
   int sure = 0;
   int possible = 0;
   int seen = 0;
@@ -174,7 +173,7 @@ Finding stale_alarms(const AlarmData& data, const RobotAlarms& robot) {
       "PASS fewer than {:g} on any day (ANSI/ISA-18.2-2016), FAIL otherwise; stale: active for more "
       "than {:g} h",
       pass, data.rules.stale_s / 3'600.0);
-  f.threshold_source = cells::sources(data.settings, {"alarms.stale_pass", "alarms.stale_h"}, robot.name);
+  f.threshold_source = data.settings.sources({"alarms.stale_pass", "alarms.stale_h"}, robot.name);
   LocalTime local(data.zone);
   std::map<std::int64_t, std::int64_t> sure;
   std::map<std::int64_t, std::int64_t> possible;

@@ -17,9 +17,8 @@ class Builder {
     finding_.title = std::move(title);
   }
   void threshold(std::string words, std::initializer_list<std::string_view> settings) {
-    const std::vector<std::string_view> names(settings);
     finding_.threshold = std::move(words);
-    finding_.threshold_source = sources_of(*fold_.settings, fold_.robot.name, names);
+    finding_.threshold_source = fold_.settings->sources(settings, fold_.robot.name);
   }
   Finding unknown(const std::string& why, std::string advice) {
     finding_.verdict = Verdict::unknown;

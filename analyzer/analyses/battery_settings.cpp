@@ -5,13 +5,8 @@
 namespace tacho::battery {
 namespace {
 
-/// A row of the table and the member it fills.
-struct Entry {
-  SettingRow row;
-  double Config::*member;
-};
-
-constexpr auto kEntries = std::to_array<Entry>({
+constexpr auto kTable = std::to_array<ConfigRow<Config>>({
+    {{"battery.nominal_capacity_ah", std::nullopt, "Ah", "Nominal capacity of the pack"}, &Config::nominal_capacity_ah},
     {{"battery.rest_current_a", 0.3, "A", "Smaller currents are rest, unless the current's own noise is larger"},
      &Config::rest_current_a},
     {{"battery.rest_current_max_a", 1.0, "A", "The noise of the current raises the rest threshold up to this"},
@@ -50,44 +45,21 @@ constexpr auto kEntries = std::to_array<Entry>({
     {{"battery.missed_charge_soc", 0.8, "1", "Only below this SoC"}, &Config::missed_charge_soc},
 });
 
-constexpr SettingRow kNominal{"battery.nominal_capacity_ah", std::nullopt, "Ah", "Nominal capacity of the pack"};
-
 }  // namespace
 
 std::span<const SettingRow> setting_rows() {
-  static const auto rows = [] {
-    std::array<SettingRow, kEntries.size() + 1> all;
-    all.front() = kNominal;
-    for (std::size_t i = 0; i < kEntries.size(); ++i) {
-      all[i + 1] = kEntries[i].row;
-    }
-    return all;
-  }();
-  return rows;
+  static constexpr auto kRows = rows_of(kTable);
+  return kRows;
 }
 
 Config Config::load(const Settings& settings, const std::string& robot) {
   Config config;
-  for (const Entry& entry : kEntries) {
-    config.*entry.member = settings.number(entry.row.name, robot);
+  fill(config, kTable, settings, robot);
+  if (config.nominal_capacity_ah.value_or(0.0) <= 0.0) {
+    config.nominal_capacity_ah.reset();
   }
-  const SettingValue nominal = settings.get(kNominal.name, robot);
-  if (nominal.value && *nominal.value > 0.0) {
-    config.nominal_capacity_ah = nominal.value;
-  }
-  config.nominal_source = nominal.source;
+  config.nominal_source = settings.get("battery.nominal_capacity_ah", robot).source;
   return config;
-}
-
-std::string sources_of(const Settings& settings, const std::string& robot, std::span<const std::string_view> names) {
-  std::string text;
-  for (const std::string_view name : names) {
-    const std::string source = settings.get(name, robot).source;
-    if (text.find(source) == std::string::npos) {
-      text += (text.empty() ? "" : ", ") + source;
-    }
-  }
-  return text;
 }
 
 }  // namespace tacho::battery

@@ -4,7 +4,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "analyzer/settings.hpp"
 
@@ -44,8 +43,5 @@ struct Config {
 
   static Config load(const Settings& settings, const std::string& robot);
 };
-
-/// "default", or the places in the configuration file that the named settings come from.
-std::string sources_of(const Settings& settings, const std::string& robot, std::span<const std::string_view> names);
 
 }  // namespace tacho::battery

@@ -67,7 +67,7 @@ Finding lost_share(const BlockageData& data, std::optional<std::size_t> robot) {
   f.title = "Share of task time lost to blockage";
   f.severity = 6;
   f.threshold = fmt::format("PASS up to {:g} %, FAIL above {:g} %", 100 * pass, 100 * fail);
-  f.threshold_source = cells::sources(data.settings, {"blockage.lost_share_pass", "blockage.lost_share_fail"}, name);
+  f.threshold_source = data.settings.sources({"blockage.lost_share_pass", "blockage.lost_share_fail"}, name);
   double exposure_s = 0.0;
   std::string why_not;
   for (std::size_t r = 0; r < data.robots.size(); ++r) {

@@ -53,17 +53,6 @@ Quantity rate(double k, double exposure, double unit_exposure, const std::string
 
 std::string short_number(double value) { return fmt::format("{:.3g}", value); }
 
-std::string sources(const Settings& settings, std::initializer_list<std::string_view> names, std::string_view robot) {
-  std::string out;
-  for (const std::string_view name : names) {
-    const std::string source = settings.get(name, robot).source;
-    if (out.find(source) == std::string::npos) {
-      out += (out.empty() ? "" : ", ") + source;
-    }
-  }
-  return out;
-}
-
 Verdict judge_small(double lo, double hi, double pass, double fail) {
   if (hi <= pass) {
     return Verdict::pass;

@@ -6,7 +6,6 @@
 
 #include "analyzer/math/poisson.hpp"
 #include "analyzer/report/section.hpp"
-#include "analyzer/settings.hpp"
 
 namespace tacho::cells {
 
@@ -23,9 +22,6 @@ Quantity rate(double k, double exposure, double unit_exposure, const std::string
 
 /// "12.5", "0.03": three significant digits, plain notation where it is shorter.
 std::string short_number(double value);
-
-/// Where the values of these settings came from: "default", or the places in the configuration.
-std::string sources(const Settings& settings, std::initializer_list<std::string_view> names, std::string_view robot);
 
 /// Verdict by the whole interval [lo, hi] for a quantity that should be small: PASS when hi <= pass, FAIL when lo >
 /// fail, UNKNOWN when it cannot decide because it is wider than the PASS band, else WARN.

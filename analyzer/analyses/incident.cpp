@@ -86,12 +86,12 @@ struct SourceQuality {
 /// Everything of one robot.
 class RobotIncident {
  public:
-  RobotIncident(const Robot& robot, const IncidentQuery& query)
+  RobotIncident(const Robot& robot, const IncidentQuery& query, const Settings& settings)
       : robot_(robot),
         query_(query),
         from_us_(query.at_us - query.before_us),
         to_us_(query.at_us + query.after_us),
-        signals_(from_us_, query.at_us) {}
+        signals_(from_us_, query.at_us, settings, robot.name) {}
 
   void read(RowSource& log) {
     for (const Coverage& c : log.coverage()) {
@@ -238,7 +238,12 @@ void RobotIncident::signals(DataTable& table, std::vector<Series>& series) const
     const Field& f = kFields[c->field];
     table.rows.push_back({robot_.name, std::string(f.name), std::string(f.unit), std::string(source_name(c->source)),
                           c->value.front(), c->least, c->greatest, c->value.back(), c->largest_step,
-                          Time{c->step_from_us}, Time{c->step_to_us}, c->materiality()});
+                          Time{c->step_from_us}, Time{c->step_to_us},
+                          c->material.value ? Value(*c->material.value) : Value(Missing{"no step for this unit"}),
+                          c->material.value ? c->material.source
+                          : f.unit == "s"   ? "running time: listed when it falls"
+                                            : "half of the greatest value",
+                          c->materiality()});
     series.push_back(
         {std::string(f.name), std::string(f.meaning), std::string(f.unit), robot_.name, c->t_us, c->value});
   }
@@ -338,7 +343,8 @@ void fill_timeline(DataTable& table, std::vector<TimeLine> lines, const Incident
 
 }  // namespace
 
-Section incident(RowSource& log, std::span<const RobotId> robots, const IncidentQuery& query) {
+Section incident(RowSource& log, std::span<const RobotId> robots, const IncidentQuery& query,
+                 const Settings& settings) {
   Section section;
   section.name = "incident";
   section.title = "Incident at " + iso_zone(query.at_us, query.zone);
@@ -352,7 +358,7 @@ Section incident(RowSource& log, std::span<const RobotId> robots, const Incident
     if (!robots.empty() && std::find(robots.begin(), robots.end(), robot.id) == robots.end()) {
       continue;
     }
-    RobotIncident one(robot, query);
+    RobotIncident one(robot, query, settings);
     one.read(log);
     one.lines(lines);
     one.signals(signals, section.series);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "analyzer/report/section.hpp"
+#include "analyzer/settings.hpp"
 #include "schema/row_source.hpp"
 
 namespace tacho {
@@ -19,6 +20,9 @@ struct IncidentQuery {
 
 /// Robots by id; empty = all. Reads the window, the ten minutes before it (the state things were in) and the gap and
 /// event rows of the whole log.
-Section incident(RowSource& log, std::span<const RobotId> robots, const IncidentQuery& query);
+Section incident(RowSource& log, std::span<const RobotId> robots, const IncidentQuery& query, const Settings& settings);
+
+/// Its rows of setting_rows(): what counts as a change, one row per unit.
+std::span<const SettingRow> incident_settings();
 
 }  // namespace tacho

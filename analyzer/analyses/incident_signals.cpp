@@ -9,35 +9,23 @@
 namespace tacho {
 namespace {
 
-struct MaterialStep {
-  std::string_view unit;
-  double step;
-};
-// Above noise of parked robots and below what a person calls a change (FIELD-FACTS: 1e-4 m/s while parked).
-constexpr auto kMaterial = std::to_array<MaterialStep>({{"m", 0.05},
-                                                        {"rad", 0.02},
-                                                        {"m/s", 0.02},
-                                                        {"rad/s", 0.02},
-                                                        {"m/s2", 0.5},
-                                                        {"V", 0.2},
-                                                        {"A", 0.5},
-                                                        {"degC", 1.0},
-                                                        {"1", 0.02},
-                                                        {"%", 2.0}});
+// Above noise of parked robots and below what a person calls a change (FIELD-FACTS: 1e-4 m/s while parked). A row holds
+// for the fields of its unit.
+constexpr auto kMaterial = std::to_array<SettingRow>({
+    {"incident.step_m", 0.05, "m", "Lengths and positions that move by less have not changed"},
+    {"incident.step_rad", 0.02, "rad", "Angles that turn by less have not changed"},
+    {"incident.step_mps", 0.02, "m/s", "Speeds that differ by less have not changed"},
+    {"incident.step_radps", 0.02, "rad/s", "Turning speeds that differ by less have not changed"},
+    {"incident.step_mps2", 0.5, "m/s2", "Accelerations that differ by less have not changed"},
+    {"incident.step_v", 0.2, "V", "Voltages that differ by less have not changed"},
+    {"incident.step_a", 0.5, "A", "Currents that differ by less have not changed"},
+    {"incident.step_degc", 1.0, "degC", "Temperatures that differ by less have not changed"},
+    {"incident.step_share", 0.02, "1", "Shares (state of charge, confidence) that differ by less have not changed"},
+    {"incident.step_percent", 2.0, "%", "Percents that differ by less have not changed"},
+});
 
 constexpr std::array<FieldIndex, kAlarmLevels> kAlarmArrays{field("fatals"), field("errors"), field("warnings"),
                                                             field("notices")};
-
-double material_step(const SignalCurve& curve) {
-  const std::string_view unit = kFields[curve.field].unit;
-  for (const MaterialStep& m : kMaterial) {
-    if (m.unit == unit) {
-      return m.step;
-    }
-  }
-  // Without a unit nobody knows what much is: half of the greatest value.
-  return std::max(0.5 * std::max(std::abs(curve.least), std::abs(curve.greatest)), 1e-9);
-}
 
 bool is_number(Kind kind) { return kind == Kind::real; }
 /// The robot's clock, field by field: it always runs.
@@ -82,11 +70,22 @@ std::string cell_text(const Batch& batch, const Column& column, std::size_t row)
   return {};
 }
 
+std::span<const SettingRow> incident_settings() { return kMaterial; }
+
 double SignalCurve::materiality() const {
   if (kFields[field].unit == "s") {
     return fell ? 1.0 : 0.0;
   }
-  return (greatest - least) / material_step(*this);
+  // Without a unit nobody knows what much is: half of the greatest value.
+  const double step = material.value.value_or(0.5 * std::max(std::abs(least), std::abs(greatest)));
+  return (greatest - least) / std::max(step, 1e-9);
+}
+
+SignalTracker::SignalTracker(Micros from_us, Micros at_us, const Settings& settings, std::string_view robot)
+    : from_us_(from_us), at_us_(at_us) {
+  for (const SettingRow& row : kMaterial) {
+    material_.emplace(row.unit, settings.get(row.name, robot));
+  }
 }
 
 void SignalTracker::fold(const Batch& batch) {
@@ -122,8 +121,10 @@ void SignalTracker::number(const Batch& batch, const Column& column, std::size_t
   }
   SignalCurve& curve = curves_[{column.field, batch.source}];
   if (curve.t_us.empty()) {
+    const auto material = material_.find(kFields[column.field].unit);
     curve.field = column.field;
     curve.source = batch.source;
+    curve.material = material == material_.end() ? SettingValue{} : material->second;
     curve.least = curve.greatest = value;
   } else {
     double step = value - curve.value.back();

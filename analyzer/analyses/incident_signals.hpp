@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "analyzer/settings.hpp"
 #include "schema/row_source.hpp"
 
 namespace tacho {
@@ -35,13 +36,14 @@ struct SignalCurve {
   std::vector<double> value;  ///< angles without jumps at +-pi
   double least = 0.0;
   double greatest = 0.0;
+  SettingValue material;      ///< what counts as a change; none: half of the greatest value
   double largest_step = 0.0;  ///< signed
   Micros step_from_us = 0;
   Micros step_to_us = 0;
   bool fell = false;
 
-  /// Range over what counts as a change of this quantity (0.05 m, 0.2 V, ...): 1 and more is material. Running times
-  /// only when they fall.
+  /// Range over what counts as a change of this quantity (incident.step_m, incident.step_v, ...): 1 and more is
+  /// material. Running times only when they fall.
   [[nodiscard]] double materiality() const;
 };
 
@@ -55,7 +57,7 @@ struct LastValue {
 class SignalTracker {
  public:
   /// Changes and curves from `from_us` on; last values up to `at_us`. Earlier rows only tell what things were before.
-  SignalTracker(Micros from_us, Micros at_us) : from_us_(from_us), at_us_(at_us) {}
+  SignalTracker(Micros from_us, Micros at_us, const Settings& settings, std::string_view robot);
   void fold(const Batch& batch);
 
   /// Changes of fields, inputs, outputs and alarms, from one source per field: the one with the most answers. Fields
@@ -89,6 +91,7 @@ class SignalTracker {
   };
   Micros from_us_;
   Micros at_us_;
+  std::map<std::string_view, SettingValue> material_;  // by unit
   std::map<Key, SignalCurve> curves_;
   std::map<Key, Discrete> discrete_;
   std::map<Key, LastValue> last_;

@@ -34,7 +34,9 @@ DataTable signals_table() {
            {"largest_step", "", "largest change between two answers"},
            {"step_from", "", "answer before the largest change", false, true},
            {"step_to", "", "answer after it", false, true},
-           {"materiality", "1", "range over the change that counts for this unit (0.05 m, 0.2 V, 1 degC ...)"}},
+           {"material_step", "", "change that counts, in its unit: setting incident.step_*"},
+           {"set_by", "", "where material_step comes from"},
+           {"materiality", "1", "range over material_step"}},
           {},
           false};
 }

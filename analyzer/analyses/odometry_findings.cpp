@@ -270,7 +270,7 @@ std::string RobotResult::from(std::initializer_list<std::string_view> names) con
     full.push_back("odometry." + std::string(name));
   }
   const std::vector<std::string_view> views(full.begin(), full.end());
-  return sources_of(*settings, robot, views);
+  return settings->sources(views, robot);
 }
 
 std::vector<Finding> make_findings(const RobotResult& r) {

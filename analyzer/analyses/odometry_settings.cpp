@@ -5,13 +5,7 @@
 namespace tacho::odometry {
 namespace {
 
-/// A row of the table and the member it fills.
-struct Entry {
-  SettingRow row;
-  double Config::*member;
-};
-
-constexpr auto kEntries = std::to_array<Entry>({
+constexpr auto kTable = std::to_array<ConfigRow<Config>>({
     {{"odometry.v_max_mps", 2.5, "m/s", "Fastest the robot can drive; a counter that grows faster jumped"},
      &Config::v_max_mps},
     {{"odometry.accel_floor_mps2", 0.3, "m/s2", "Lowest acceleration bound used between two polls"},
@@ -71,42 +65,20 @@ constexpr auto kEntries = std::to_array<Entry>({
     {{"odometry.soc_tolerance", 0.01, "1", "State of charge may differ so much between JSON and the integer register"},
      &Config::soc_tolerance},
     {{"odometry.bootstrap_draws", 999, "1", "Draws of the moving-block bootstrap"}, &Config::draws},
+    {{"odometry.track_m", std::nullopt, "m", "Distance between the driven wheels"}, &Config::track_m},
 });
-
-constexpr SettingRow kTrack{"odometry.track_m", std::nullopt, "m", "Distance between the driven wheels"};
 
 }  // namespace
 
 std::span<const SettingRow> setting_rows() {
-  static const auto rows = [] {
-    std::array<SettingRow, kEntries.size() + 1> all;
-    for (std::size_t i = 0; i < kEntries.size(); ++i) {
-      all[i] = kEntries[i].row;
-    }
-    all.back() = kTrack;
-    return all;
-  }();
-  return rows;
+  static constexpr auto kRows = rows_of(kTable);
+  return kRows;
 }
 
 Config Config::load(const Settings& settings, const std::string& robot) {
   Config config;
-  for (const Entry& entry : kEntries) {
-    config.*entry.member = settings.number(entry.row.name, robot);
-  }
-  config.track_m = settings.get(kTrack.name, robot).value;
+  fill(config, kTable, settings, robot);
   return config;
-}
-
-std::string sources_of(const Settings& settings, const std::string& robot, std::span<const std::string_view> names) {
-  std::string text;
-  for (const std::string_view name : names) {
-    const std::string source = settings.get(name, robot).source;
-    if (text.find(source) == std::string::npos) {
-      text += (text.empty() ? "" : ", ") + source;
-    }
-  }
-  return text;
 }
 
 }  // namespace tacho::odometry

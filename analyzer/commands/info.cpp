@@ -3,10 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 
 namespace tacho::commands {
 namespace {
+
+constexpr auto kSettings = std::to_array<SettingRow>({
+    {"info.stored_pass", 0.99, "1", "DATA-01 passes from this share of planned polls on"},
+    {"info.stored_fail", 0.90, "1", "DATA-01 fails below this share of planned polls"},
+});
+
+const ColumnSpec kRobot{"robot", "", "robot"};
+const ColumnSpec kSource{"source", "", "source"};
 
 /// Polls without an answer by cause, and what is only in part, of one source of one robot; from the gap rows.
 struct Missed {
@@ -76,8 +85,7 @@ DataTable parts_table(const store::LogReader& reader) {
                    {"closed", "", "complete, never written again"},
                    {"first", "", "first answer", false, true},
                    {"last", "", "last answer", false, true}},
-                  {},
-                  false};
+                  {}};
   for (const store::LogReader::PartInfo& part : reader.parts()) {
     table.rows.push_back({static_cast<std::int64_t>(part.number), part.path.filename().string(), count(part.bytes),
                           part.closed, time_or_missing(part.first_us, "holds no answer"),
@@ -95,8 +103,7 @@ DataTable sessions_table(const RowSource& log) {
                    {"clean", "", "ended as asked, not killed"},
                    {"software", "", "program and version"},
                    {"host", "", "host it ran on"}},
-                  {},
-                  false};
+                  {}};
   for (const Session& s : log.sessions()) {
     table.rows.push_back({static_cast<std::int64_t>(s.id), Time{s.t_start_us},
                           time_or_missing(s.t_end_us, "still running, or killed"), s.clean, s.software, s.host});
@@ -113,8 +120,7 @@ DataTable robots_table(const std::vector<Robot>& robots) {
                    {"mac", "", "hardware address"},
                    {"model_md5", "", "checksum of its model"},
                    {"firmware", "", "from registers 37 to 40"}},
-                  {},
-                  false};
+                  {}};
   const auto said = [](const std::string& text) {
     return text.empty() ? Value(Missing{"never told by the robot"}) : Value(text);
   };
@@ -134,8 +140,8 @@ Value rate_of(const Coverage& c) {
 DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
   DataTable table{"sources",
                   "Answers by source",
-                  {{"robot", "", "robot"},
-                   {"source", "", "source"},
+                  {kRobot,
+                   kSource,
                    {"planned", "", "polls the schedule asked for"},
                    {"stored", "", "answers kept"},
                    {"missed", "", "polls inside gap rows"},
@@ -147,8 +153,7 @@ DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robo
                    {"bytes", "B", "bodies as received"},
                    {"first", "", "first answer", false, true},
                    {"last", "", "last answer", false, true}},
-                  {},
-                  false};
+                  {}};
   for (const Coverage& c : all) {
     table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned),
                           count(c.stored), count(c.missed), c.stored + c.missed == c.planned, count(c.partial),
@@ -162,14 +167,13 @@ DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robo
 DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& robots) {
   DataTable table{"missed",
                   "Missed polls by cause",
-                  {{"robot", "", "robot"},
-                   {"source", "", "source"},
+                  {kRobot,
+                   kSource,
                    {"cause", "", "why there is no answer"},
                    {"polls", "", "planned polls without an answer"},
                    {"gaps", "", "gap rows"},
                    {"meaning", "", "the cause in words"}},
-                  {},
-                  false};
+                  {}};
   for (const auto& [key, m] : missed) {
     for (const auto& [cause, polls] : m.polls) {
       table.rows.push_back({robot_of(robots, key.first).name, std::string(source_name(key.second)),
@@ -183,12 +187,11 @@ DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& r
 DataTable unknown_table(const RowSource& log, const std::vector<Robot>& robots) {
   DataTable table{"unknown_keys",
                   "Unknown keys (kept in the answers, not decoded)",
-                  {{"robot", "", "robot"},
-                   {"source", "", "source"},
+                  {kRobot,
+                   kSource,
                    {"key", "", "path in the JSON answer; errors[] = an element of the list that could not be read"},
                    {"first", "", "first seen", false, true}},
-                  {},
-                  false};
+                  {}};
   for (const UnknownKey& k : log.unknown_keys()) {
     const auto at = std::find_if(robots.begin(), robots.end(), [&](const Robot& r) { return r.id == k.robot; });
     if (at != robots.end()) {
@@ -202,8 +205,7 @@ DataTable problems_table(const RowSource& log) {
   DataTable table{"problems",
                   "Foreign and damaged files",
                   {{"where", "", "file, and place in it"}, {"what", "", "what is wrong and what was skipped"}},
-                  {},
-                  false};
+                  {}};
   for (const ReadProblem& p : log.problems()) {
     table.rows.push_back({p.where, p.what});
   }
@@ -237,15 +239,14 @@ std::string names_of(const FieldSet& fields) {
 DataTable never_seen_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
   DataTable table{"never_seen",
                   "Fields never seen, and fields never seen with a value",
-                  {{"robot", "", "robot"},
-                   {"source", "", "source"},
+                  {kRobot,
+                   kSource,
                    {"seen", "", "fields seen at least once"},
                    {"never", "", "fields that this source could give and never gave"},
                    {"names", "", "their names"},
                    {"without_value", "", "fields seen, but only as null, not supplied, not meaningful or unreadable"},
                    {"names_without_value", "", "their names"}},
-                  {},
-                  false};
+                  {}};
   for (const Coverage& c : all) {
     FieldSet never;
     for (std::size_t f = 0; f < kFieldCount; ++f) {
@@ -268,9 +269,12 @@ Finding finding(const char* id, const std::string& robot, const std::string& tit
   return f;
 }
 
-Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all) {
+Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all, const Settings& settings) {
   Finding f = finding("DATA-01", robot.name, "share of planned polls that are stored");
-  f.threshold = "PASS >= 99 %, FAIL < 90 %";
+  const double pass = settings.number("info.stored_pass", robot.name);
+  const double fail = settings.number("info.stored_fail", robot.name);
+  f.threshold = fmt::format("PASS >= {:.4g} %, FAIL < {:.4g} %", 100.0 * pass, 100.0 * fail);
+  f.threshold_source = settings.sources({"info.stored_pass", "info.stored_fail"}, robot.name);
   f.value.unit = "%";
   f.advice = "the table of missed polls names the causes; timeouts and closed connections: check the network first";
   std::uint64_t planned = 0;
@@ -284,9 +288,10 @@ Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all) {
     f.advice = "the recorder was started and ended before its first poll, or this robot has no source configured";
     return f;
   }
-  f.value.value = 100.0 * static_cast<double>(stored) / static_cast<double>(planned);
+  const double share = static_cast<double>(stored) / static_cast<double>(planned);
+  f.value.value = 100.0 * share;
   f.value.n = count(planned);
-  f.verdict = *f.value.value >= 99.0 ? Verdict::pass : *f.value.value < 90.0 ? Verdict::fail : Verdict::warn;
+  f.verdict = share >= pass ? Verdict::pass : share < fail ? Verdict::fail : Verdict::warn;
   f.severity = f.verdict == Verdict::pass ? 0 : f.verdict == Verdict::warn ? 3 : 6;
   return f;
 }
@@ -344,7 +349,10 @@ void add_findings(Section& section, const RowSource& log, const std::vector<Cove
 
 }  // namespace
 
-Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader) {
+std::span<const SettingRow> info_settings() { return kSettings; }
+
+Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
+             const Settings& settings) {
   Section section;
   section.name = "info";
   section.title = "Log";
@@ -352,7 +360,7 @@ Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogR
   const std::vector<Coverage> all = coverage_of(log, robots);
   const MissedBySource missed = read_gaps(log, robots);
   for (const Robot& robot : robots) {
-    section.findings.push_back(coverage_finding(robot, all));
+    section.findings.push_back(coverage_finding(robot, all, settings));
     section.findings.push_back(accounting_finding(robot, all, missed, !log.problems().empty()));
   }
   if (reader != nullptr) {

@@ -51,7 +51,7 @@ int report_all(Job& job) {
   if (!job.robots.empty()) {
     sections = run_analyses(analyses(), *job.log, job.robot_ids(), job.window, job.options.zone, job.settings);
   }
-  sections.insert(sections.begin(), info(*job.log, job.robots, job.reader));
+  sections.insert(sections.begin(), info(*job.log, job.robots, job.reader, job.settings));
   if (!job.options.from.empty() || !job.options.to.empty()) {
     sections.front().notes.push_back("This section is about the whole log, not about the period asked for.");
   }

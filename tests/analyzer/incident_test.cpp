@@ -38,10 +38,10 @@ MemoryLog blocked_robot() {
   return log;
 }
 
-Section run(MemoryLog& log, double at = kAt) {
+Section run(MemoryLog& log, double at = kAt, const Settings& settings = {}) {
   IncidentQuery query;
   query.at_us = MemoryLog::micros(at);
-  return incident(log, {}, query);
+  return incident(log, {}, query, settings);
 }
 
 const DataTable& table(const Section& section, const std::string& name) {
@@ -160,6 +160,21 @@ TEST_CASE("signals that changed are listed with their largest step, noise and ru
   CHECK(real(signals, 1, "largest_step") == Approx(-0.9999));
   CHECK(time_of(signals, 1, "step_to") == MemoryLog::micros(995.004));
   CHECK(section.notes.back().find("create_on") != std::string::npos);
+}
+
+TEST_CASE("what counts as a change of a signal is a setting, and each row says where it came from") {
+  MemoryLog log = blocked_robot();
+  CHECK(text(table(run(log), "signals"), 0, "set_by") == "default");
+  Settings settings;
+  settings.set("incident.step_mps", 5.0, "site.toml:3");
+  settings.set("amb-01/incident.step_m", 0.001, "site.toml:5");
+  settings.set("another/incident.step_m", 1e6, "site.toml:7");
+  const Section section = run(log, kAt, settings);
+  const DataTable& signals = table(section, "signals");
+  REQUIRE(signals.rows.size() == 1);
+  CHECK(text(signals, 0, "field") == "x");
+  CHECK(real(signals, 0, "material_step") == 0.001);
+  CHECK(text(signals, 0, "set_by") == "site.toml:5");
 }
 
 TEST_CASE("an angle that passes pi has not jumped") {

@@ -4,6 +4,7 @@
 
 #include "schema/error.hpp"
 #include "tests/support/catch.hpp"
+#include "tests/support/golden.hpp"
 #include "tests/support/temp_dir.hpp"
 
 using namespace tacho;
@@ -113,4 +114,24 @@ TEST_CASE("a value set by hand says where it came from") {
   settings.set(row.name, 3.0, "command line");
   CHECK(settings.number(row.name, "any robot") == 3.0);
   CHECK(settings.get(row.name).source == "command line");
+}
+
+TEST_CASE("the places that several settings came from are named once each") {
+  Settings settings;
+  settings.set("odometry.jump_m", 0.2, "site.toml:12");
+  settings.set("odometry.jump_rad", 0.1, "site.toml:1");
+  CHECK(settings.sources({"odometry.jump_m", "odometry.jump_rad", "odometry.jump_min_km", "odometry.jump_sigmas"}) ==
+        "site.toml:12, site.toml:1, default");
+}
+
+TEST_CASE("the configurations that we show are accepted") {
+  const std::filesystem::path house = TACHO_SOURCE_DIR;
+  const Settings sample = Settings::load(house / "samples/config/site-facts.toml");
+  CHECK(*sample.get("battery.nominal_capacity_ah").value == 40.0);
+  CHECK(*sample.get("battery.nominal_capacity_ah", "forklift-2").value == 210.0);
+
+  const std::string readme = test::read_file(house / "analyzer/README.md");
+  const std::size_t from = readme.find("```toml\n") + 8;
+  const Settings shown = load(readme.substr(from, readme.find("```", from) - from));
+  CHECK(*shown.get("battery.nominal_capacity_ah", "amb-01").value == 60.0);
 }

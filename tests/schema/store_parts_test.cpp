@@ -26,6 +26,17 @@ store::WriterOptions small_parts() {
   return options;
 }
 
+/// Commits of twenty polls each, with so many missed ones before each commit.
+void record(Recording& recording, int commits, std::uint64_t missed = 0) {
+  for (int i = 0; i < commits; ++i) {
+    recording.polls(20);
+    if (missed > 0) {
+      recording.miss(missed);
+    }
+    recording.writer.commit();
+  }
+}
+
 std::string sql_text(const fs::path& part, const std::string& sql) {
   store::Connection connection(part, store::OpenMode::read);
   return connection.scalar(sql);
@@ -37,11 +48,7 @@ TEST_CASE("changing the part by size loses nothing and keeps the order") {
   TempDir dir;
   {
     Recording recording(dir.path(), small_parts());
-    for (int i = 0; i < 60; ++i) {
-      recording.polls(20);
-      recording.miss(2);
-      recording.writer.commit();
-    }
+    record(recording, 60, 2);
     recording.end();
     CHECK(recording.writer.stats().parts > 3);
     CHECK(recording.writer.stats().rows == 1200);
@@ -67,11 +74,7 @@ TEST_CASE("stored and missed polls are the planned ones also when the oldest par
   TempDir dir;
   {
     Recording recording(dir.path(), small_parts());
-    for (int i = 0; i < 60; ++i) {
-      recording.polls(20);
-      recording.miss(2);
-      recording.writer.commit();
-    }
+    record(recording, 60, 2);
     recording.end();
   }
   const std::vector<fs::path> parts = part_files(dir.path());
@@ -90,10 +93,7 @@ TEST_CASE("every part can be read alone") {
   TempDir dir;
   {
     Recording recording(dir.path(), small_parts());
-    for (int i = 0; i < 30; ++i) {
-      recording.polls(20);
-      recording.writer.commit();
-    }
+    record(recording, 30);
     recording.end();
   }
   std::uint64_t rows = 0;
@@ -168,10 +168,7 @@ TEST_CASE("a closed part needs no WAL and says so") {
   TempDir dir;
   {
     Recording recording(dir.path(), small_parts());
-    for (int i = 0; i < 30; ++i) {
-      recording.polls(20);
-      recording.writer.commit();
-    }
+    record(recording, 30);
     const store::LogReader running = open_reader(dir.path());
     CHECK(running.parts().front().closed);
     CHECK_FALSE(running.parts().back().closed);
