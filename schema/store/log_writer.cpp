@@ -181,7 +181,7 @@ void LogWriter::Impl::next_part() {
     seq_from[id] = std::exchange(state.row.seq_from, state.committed_seq);
   }
   try {
-    parts.next([this](Connection& connection) { write_head(connection); }, hot);
+    parts.next([this](Connection& connection) { write_head(connection); }, options.blocks ? hot : HotLedger{});
   } catch (...) {
     for (auto& [id, state] : streams) {
       state.row.seq_from = seq_from[id];
@@ -320,7 +320,7 @@ void LogWriter::Impl::coverage_written() {
 /// nothing is lost, so nobody has to be told before the next commit fails, too.
 void LogWriter::Impl::move_due() {
   const auto until = std::chrono::steady_clock::now() + kMoveBudget;
-  bool time_left = stats.commits >= move_again_at;
+  bool time_left = options.blocks && stats.commits >= move_again_at;
   while (const std::optional<StreamKey> key = time_left ? hot.due() : std::nullopt) {
     try {
       part().begin();
@@ -460,7 +460,7 @@ LogWriter::~LogWriter() {
   try {
     impl_->urgent = true;
     impl_->commit();
-    impl_->parts.close(impl_->hot);
+    impl_->parts.close(impl_->options.blocks ? impl_->hot : HotLedger{});
     impl_->parts.tidy(impl_->repacker, kNoDeadline);
   } catch (const Error&) {
     // What was committed is safe; the next opening closes the part.

@@ -28,6 +28,7 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
   int zstd_level = 3;
+  bool blocks = true;  ///< false: rows stay hot, as in a part that a kill left; only tests want that
   bool durable = true;  ///< synchronous FULL; false only for generated logs that can be made again
 };
 

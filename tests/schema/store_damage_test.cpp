@@ -17,6 +17,7 @@ std::uint64_t write_parts(const fs::path& folder) {
   store::WriterOptions options;
   options.part_bytes = 150'000;
   options.keyframe_every = 10;
+  options.blocks = false;
   options.durable = false;
   Recording recording(folder, options);
   while (part_files(folder).size() < 3) {
@@ -198,6 +199,7 @@ TEST_CASE("a zeroed page in the middle costs its rows and their deltas only") {
   {
     store::WriterOptions options;
     options.keyframe_every = 10;
+    options.blocks = false;
     Recording recording(dir.path(), options);
     recording.polls(3000);
     recording.end();
@@ -223,6 +225,7 @@ TEST_CASE("a row that fails its checksum breaks its chain up to the next keyfram
   {
     store::WriterOptions options;
     options.keyframe_every = 10;
+    options.blocks = false;
     Recording recording(dir.path(), options);
     recording.polls(50);
     recording.end();

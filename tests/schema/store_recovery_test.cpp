@@ -228,7 +228,9 @@ TEST_CASE("a writer that is destroyed without ending its session leaves a log th
 TEST_CASE("a damaged newest part is left alone and a new one is begun") {
   TempDir dir;
   {
-    Recording recording(dir.path());
+    store::WriterOptions options;
+    options.blocks = false;
+    Recording recording(dir.path(), options);
     recording.polls(300);
     recording.end();
   }
