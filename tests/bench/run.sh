@@ -1,13 +1,20 @@
 #!/usr/bin/env bash
-# Measures: `tests/bench/run.sh [FILTER]` prints one JSON object per figure. FILTER: store, odometry, battery, alarms, blockage.
+# Measures: `tests/bench/run.sh [FILTER]` prints one JSON object per figure.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-case "${1:-}" in
-  "" | store | odometry | battery | alarms | blockage) ;;
-  *) echo "usage: tests/bench/run.sh [store|odometry|battery|alarms|blockage]" >&2; exit 2 ;;
-esac
+filters="store recorder odometry battery alarms blockage report"
+filter="${1:-}"
+if [ $# -gt 1 ] || { [ -n "$filter" ] && [[ " $filters " != *" $filter "* ]]; }; then
+  echo "usage: tests/bench/run.sh [${filters// /|}]" >&2
+  exit 2
+fi
 cmake --preset release >/dev/null
-cmake --build --preset release --target store_bench analysis_bench >/dev/null
+cmake --build --preset release --target store_bench analysis_bench program_bench >/dev/null
 bench=build/release/tests/bench
-[ -n "${1:-}" ] && [ "$1" != store ] || "$bench/store_bench"
-[ "${1:-}" = store ] || "$bench/analysis_bench" "${1:-}"
+for each in ${filter:-$filters}; do
+  case "$each" in
+    store) "$bench/store_bench" ;;
+    recorder | report) "$bench/program_bench" "$each" ;;
+    *) "$bench/analysis_bench" "$each" ;;
+  esac
+done
