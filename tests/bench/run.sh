@@ -1,17 +1,21 @@
 #!/usr/bin/env bash
-# Measures: `tests/bench/run.sh [FILTER]` prints one JSON object per figure. FILTER: store, blocks, sql, odometry, battery,
-# alarms, blockage.
+# Measures: `tests/bench/run.sh [FILTER]` prints one JSON object per figure.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
+filters="store blocks sql recorder odometry battery alarms blockage report"
 filter="${1:-}"
-case "$filter" in
-  "" | store | blocks | sql | odometry | battery | alarms | blockage) ;;
-  *) echo "usage: tests/bench/run.sh [store|blocks|sql|odometry|battery|alarms|blockage]" >&2; exit 2 ;;
-esac
+if [ $# -gt 1 ] || { [ -n "$filter" ] && [[ " $filters " != *" $filter "* ]]; }; then
+  echo "usage: tests/bench/run.sh [${filters// /|}]" >&2
+  exit 2
+fi
 cmake --preset release >/dev/null
-cmake --build --preset release --target store_bench block_bench sql_bench analysis_bench >/dev/null
+cmake --build --preset release --target store_bench block_bench sql_bench analysis_bench program_bench >/dev/null
 bench=build/release/tests/bench
-for group in store block sql; do
-  case "$filter" in "" | "$group" | "${group}s") "$bench/${group}_bench" ;; esac
+for each in ${filter:-$filters}; do
+  case "$each" in
+    store | sql) "$bench/${each}_bench" ;;
+    blocks) "$bench/block_bench" ;;
+    recorder | report) "$bench/program_bench" "$each" ;;
+    *) "$bench/analysis_bench" "$each" ;;
+  esac
 done
-case "$filter" in store | blocks | sql) ;; *) "$bench/analysis_bench" "$filter" ;; esac

@@ -1,0 +1,195 @@
+// Whole programs as a user runs them: one JSON object per line. Usage: program_bench report|recorder [ROBOTS]
+//
+// report: `tacho-analyzer report` on 30 simulated days at 0.1 Hz, three times, medians.
+// recorder: `tacho-recorder run` on simulated robots (100 unless said otherwise), each with 1100 at 1 Hz, 1013 at 2 Hz,
+// registers and inputs at 5 Hz. Processor time and memory of 20 s, after 5 s in which everything is connected. The
+// robots are served by this process, so what they cost is not in the figures, but they compete for the same cores.
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "samples/simulator/serve.hpp"
+#include "samples/simulator/write.hpp"
+#include "schema/log.hpp"
+
+namespace {
+
+using namespace tacho;
+namespace fs = std::filesystem;
+using std::chrono::steady_clock;
+
+constexpr auto kWarmUp = std::chrono::seconds(5);
+constexpr auto kMeasured = std::chrono::seconds(20);
+
+void print(const std::string& name, double value, const char* unit, const char* goal = "") {
+  fmt::print("{{\"name\":\"{}\",\"value\":{:.4g},\"unit\":\"{}\"{}}}\n", name, value, unit, goal);
+  std::fflush(stdout);
+}
+
+double seconds_since(steady_clock::time_point start) {
+  return std::chrono::duration<double>(steady_clock::now() - start).count();
+}
+
+/// Starts a program of this build. What it prints goes to a file, which is shown when it fails.
+pid_t start(const std::string& program, const std::vector<std::string>& arguments, const fs::path& printed) {
+  const std::string path = std::string(TACHO_BINARY_DIR) + "/" + program;
+  std::vector<char*> argv{const_cast<char*>(path.c_str())};
+  for (const std::string& argument : arguments) {
+    argv.push_back(const_cast<char*>(argument.c_str()));
+  }
+  argv.push_back(nullptr);
+  const pid_t pid = fork();
+  if (pid == 0) {
+    const int file = open(printed.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    dup2(file, STDOUT_FILENO);
+    dup2(file, STDERR_FILENO);
+    execv(path.c_str(), argv.data());
+    _exit(127);
+  }
+  return pid;
+}
+
+struct Ended {
+  bool ok = false;
+  rusage usage{};
+};
+
+Ended wait_for(pid_t pid) {
+  Ended ended;
+  int status = 0;
+  wait4(pid, &status, 0, &ended.usage);
+  ended.ok = WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  return ended;
+}
+
+/// Processor time of a running process, s: fields 14 and 15 of /proc/PID/stat.
+double cpu_seconds(pid_t pid) {
+  std::ifstream file(fmt::format("/proc/{}/stat", pid));
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::istringstream fields(text.substr(text.rfind(')') + 1));
+  std::string skipped;
+  for (int i = 3; i < 14; ++i) {
+    fields >> skipped;
+  }
+  double user = 0;
+  double system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
+/// Memory of a running process that is in RAM, MB.
+double resident_mb(pid_t pid) {
+  std::ifstream statm(fmt::format("/proc/{}/statm", pid));
+  double total = 0;
+  double resident = 0;
+  statm >> total >> resident;
+  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
+}
+
+double stored_rows(const fs::path& folder, std::uint64_t& planned) {
+  const std::vector<fs::path> paths{folder};
+  const auto log = open_log(paths);
+  std::uint64_t stored = 0;
+  for (const Coverage& c : log->coverage()) {
+    stored += c.stored;
+    planned += c.planned;
+  }
+  return static_cast<double>(stored);
+}
+
+bool bench_report(const fs::path& dir) {
+  sim::WriteOptions options;
+  options.duration_us = Micros{30} * 86'400'000'000;
+  options.status_period_us = 10'000'000;
+  sim::write_log({sim::busy_day(1)}, options, dir / "month");
+  std::uint64_t planned = 0;
+  const double rows = stored_rows(dir / "month", planned);
+  std::vector<double> seconds;
+  double peak_mb = 0;
+  for (int i = 0; i < 3; ++i) {
+    const auto begin = steady_clock::now();
+    const Ended ended =
+        wait_for(start("analyzer/tacho-analyzer", {"report", (dir / "month").string(), "-o", (dir / "out").string()},
+                       dir / "printed"));
+    if (!ended.ok) {
+      return false;
+    }
+    seconds.push_back(seconds_since(begin));
+    peak_mb = std::max(peak_mb, static_cast<double>(ended.usage.ru_maxrss) * 1024.0 / 1e6);
+  }
+  std::sort(seconds.begin(), seconds.end());
+  print("report/month_01hz", seconds[1], "s");
+  print("report/rows", rows / seconds[1], "rows/s");
+  print("report/peak_memory", peak_mb, "MB");
+  return true;
+}
+
+bool bench_recorder(const fs::path& dir, int robots) {
+  std::vector<sim::ServedRobot> served;
+  for (int i = 0; i < robots; ++i) {
+    served.push_back({sim::busy_day(static_cast<std::uint64_t>(i + 1)), 0, 0});
+  }
+  const sim::Server server(served, {});
+  std::vector<std::string> arguments{"run", "--log", (dir / "live").string(), "--period",
+                                     "status=1Hz,io=2Hz,registers=5Hz,inputs=5Hz"};
+  for (std::size_t i = 0; i < served.size(); ++i) {
+    arguments.push_back("--robot");
+    arguments.push_back(fmt::format("r{}=127.0.0.1:{}:{}", i + 1, server.status_port(i), server.modbus_port(i)));
+  }
+  const pid_t pid = start("recorder/tacho-recorder", arguments, dir / "printed");
+  std::this_thread::sleep_for(kWarmUp);
+  const double before = cpu_seconds(pid);
+  const auto begin = steady_clock::now();
+  std::this_thread::sleep_for(kMeasured);
+  const double share = (cpu_seconds(pid) - before) / seconds_since(begin);
+  const double memory = resident_mb(pid);
+  kill(pid, SIGTERM);
+  if (!wait_for(pid).ok) {
+    return false;
+  }
+  std::uint64_t planned = 0;
+  const double stored = stored_rows(dir / "live", planned);
+  // The goals are for 100 robots.
+  const bool goal = robots == 100;
+  print(fmt::format("recorder/cpu_{}_robots", robots), 100.0 * share, "% of one core",
+        goal ? ",\"limit\":25,\"better\":\"lower\"" : "");
+  print(fmt::format("recorder/memory_{}_robots", robots), memory, "MB",
+        goal ? ",\"limit\":64,\"better\":\"lower\"" : "");
+  print(fmt::format("recorder/stored_{}_robots", robots), 100.0 * stored / static_cast<double>(planned),
+        "% of planned polls");
+  return true;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string what = argc > 1 ? argv[1] : "";
+  const int robots = argc > 2 ? std::stoi(argv[2]) : 100;
+  std::string folder = (fs::temp_directory_path() / "tacho-bench-XXXXXX").string();
+  if ((what != "report" && what != "recorder") || robots < 1 || mkdtemp(folder.data()) == nullptr) {
+    fmt::print(stderr, "usage: program_bench report|recorder [ROBOTS]\n");
+    return 2;
+  }
+  const bool ok = what == "report" ? bench_report(folder) : bench_recorder(folder, robots);
+  if (!ok) {
+    std::ifstream printed(fs::path(folder) / "printed");
+    fmt::print(stderr, "program_bench: error: the program failed\n{}",
+               std::string{std::istreambuf_iterator<char>(printed), {}});
+  }
+  fs::remove_all(folder);
+  return ok ? 0 : 1;
+}
