@@ -7,7 +7,7 @@ CREATE TABLE part (
   number INTEGER NOT NULL,                 -- number of this part, from 1; order of parts
   software TEXT NOT NULL,                  -- what created the part
   closed INTEGER NOT NULL,                 -- 1: complete and checkpointed
-  counted_to INTEGER NOT NULL              -- hot.id up to which the coverage rows count
+  counted_to INTEGER NOT NULL              -- hot.id up to which the coverage rows count; all of every block
 ) STRICT;
 
 -- robots, as configured and as they say they are
@@ -120,6 +120,23 @@ CREATE TABLE hot (
   crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
   header BLOB,                             -- frame header where it is unusual
   body BLOB NOT NULL                       -- method byte and data, see hot_codec.hpp
+) STRICT;
+
+-- stored answers of one stream that were moved out of hot
+CREATE TABLE block (
+  id INTEGER PRIMARY KEY,                  -- order of moving
+  robot INTEGER NOT NULL,                  -- robot.id
+  source INTEGER NOT NULL,                 -- code list source
+  session INTEGER NOT NULL,                -- session.id
+  seq_from INTEGER NOT NULL,               -- first poll; polls in between may be missing
+  seq_to INTEGER NOT NULL,                 -- last poll
+  row_from INTEGER NOT NULL,               -- what hot.id was of the first answer; each answer keeps its own
+  row_to INTEGER NOT NULL,                 -- what hot.id was of the last answer
+  t_from_us INTEGER NOT NULL,              -- smallest send time, UTC microseconds
+  t_to_us INTEGER NOT NULL,                -- largest send time, UTC microseconds
+  rows INTEGER NOT NULL,                   -- answers
+  crc INTEGER NOT NULL,                    -- CRC-32C of the other columns but id and data, which has its own
+  data BLOB NOT NULL                       -- see block/README.md
 ) STRICT;
 
 -- planned polls without an answer
