@@ -77,6 +77,7 @@ struct LogReader::Impl {
 
   void open(std::span<const fs::path> logs);
   void add_part(const fs::path& path);
+  void require_one_log(std::span<const fs::path> logs);
   void drop_copies();
   void merge_heads();
   void merge_coverage();
@@ -99,16 +100,31 @@ void LogReader::Impl::open(std::span<const fs::path> logs) {
   std::sort(parts.begin(), parts.end(), [](const PartHead& a, const PartHead& b) {
     return std::tie(a.row.number, a.path) < std::tie(b.row.number, b.path);
   });
-  for (const PartHead& head : parts) {
-    if (head.row.log != parts.front().row.log) {
-      throw Error(joined(logs),
-                  fmt::format("{} and {} are parts of different logs", parts.front().path.string(), head.path.string()),
-                  "read one log at a time");
-    }
-  }
+  require_one_log(logs);
   drop_copies();
   merge_heads();
   merge_coverage();
+}
+
+/// A damaged part may have forgotten which log it is of: it is left out rather than all others.
+void LogReader::Impl::require_one_log(std::span<const fs::path> logs) {
+  const auto whole = std::find_if(parts.begin(), parts.end(), [](const PartHead& head) { return head.damage.empty(); });
+  const PartHead& first = whole == parts.end() ? parts.front() : *whole;
+  const std::string log = first.row.log;
+  for (const PartHead& head : parts) {
+    if (head.row.log != log && head.damage.empty()) {
+      throw Error(joined(logs),
+                  fmt::format("{} and {} are parts of different logs", first.path.string(), head.path.string()),
+                  "read one log at a time");
+    }
+  }
+  const auto stranger = [&](const PartHead& head) {
+    if (head.row.log != log) {
+      problem(head.path.string(), "says it is a part of another log; left out");
+    }
+    return head.row.log != log;
+  };
+  parts.erase(std::remove_if(parts.begin(), parts.end(), stranger), parts.end());
 }
 
 void LogReader::Impl::add_part(const fs::path& path) {

@@ -59,7 +59,9 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   const std::vector<PartFile> files = list_parts(folder_);
   find_newest(files);
   number_ = files.empty() ? 0 : files.back().number;
-  log_ = found_ ? found_->row.log : random_log_id();
+  if (log_.empty()) {
+    log_ = found_ ? found_->row.log : random_log_id();
+  }
   if (found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path) {
     current_ = std::make_unique<PartWriter>(found_->path, durable_);
     reopen_part(current_->connection());
@@ -74,9 +76,15 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
 }
 
 void PartSequence::find_newest(const std::vector<PartFile>& files) {
-  for (auto file = files.rbegin(); file != files.rend() && !found_; ++file) {
+  for (auto file = files.rbegin(); file != files.rend() && log_.empty(); ++file) {
     try {
-      found_ = read_part(file->path);
+      PartHead head = read_part(file->path);
+      if (head.damage.empty()) {
+        log_ = head.row.log;  // a damaged part may have forgotten it
+      }
+      if (!found_) {
+        found_ = std::move(head);
+      }
     } catch (const NewerPart&) {
       throw;
     } catch (const Error&) {

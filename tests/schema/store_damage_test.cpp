@@ -276,6 +276,51 @@ TEST_CASE("damaged gap and event rows are left out and counted") {
   CHECK(coverage_of(log).missed == 0);
 }
 
+TEST_CASE("a part from before seals is read, continued and closed without one") {
+  TempDir dir;
+  { Recording(dir.path()).polls(10); }
+  const fs::path part = part_files(dir.path())[0];
+  {
+    store::Connection connection(part, store::OpenMode::write);
+    connection.exec("DROP TABLE seal");
+  }
+  CHECK(open_reader(dir.path()).problems().empty());
+  {
+    Recording recording(dir.path(), {}, kT0 + 100 * kSecond);
+    recording.polls(5);
+    recording.end();
+  }
+  CHECK(part_files(dir.path()).size() == 1);
+  store::LogReader log = open_reader(dir.path());
+  CHECK(stored(log).size() == 15);
+  CHECK(log.problems().empty());
+  CHECK(log.parts().at(0).closed);
+}
+
+TEST_CASE("a part that has forgotten which log it is of costs its own rows only, also when recording goes on") {
+  for (const std::size_t harmed : {1U, 2U}) {
+    TempDir dir;
+    const std::uint64_t rows = write_parts(dir.path());
+    const fs::path part = part_files(dir.path())[harmed];
+    store::LogReader alone = open_reader(part);
+    const std::uint64_t here = stored(alone).size();
+    {
+      store::Connection connection(part, store::OpenMode::write);
+      connection.exec("UPDATE part SET log = 'x' || substr(log, 2)");  // no hexadecimal digit
+    }
+    {
+      Recording recording(dir.path(), {}, kT0 + kDay);
+      recording.polls(5);
+      recording.end();
+    }
+    store::LogReader log = open_reader(dir.path());
+    INFO("part " << harmed + 1);
+    CHECK(stored(log).size() == rows - here + 5);
+    CHECK(names(log, part, "another log"));
+    CHECK(log.sessions().back().id == 2);
+  }
+}
+
 TEST_CASE("rows that repeat or go back are left out and named") {
   TempDir dir;
   {
