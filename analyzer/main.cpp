@@ -12,6 +12,7 @@
 #include "analyzer/commands/info.hpp"
 #include "analyzer/commands/report.hpp"
 #include "analyzer/commands/sql.hpp"
+#include "analyzer/commands/verify.hpp"
 #include "schema/text.hpp"
 #include "schema/time.hpp"
 
@@ -44,6 +45,7 @@ class Program {
     add_report();
     add_export();
     add_sql();
+    add_verify();
     add_tables();
   }
 
@@ -180,6 +182,16 @@ class Program {
         ->required();
     format_options(sub, {"table", "json", "csv"});
     sub->get_option("--output")->description("write to this file");
+  }
+
+  void add_verify() {
+    CLI::App* sub = command("verify", "Is everything in the log there and whole?", [this] { return verify(options_); });
+    sub->add_option("LOG", options_.logs, "folder of a log, or its parts")->required();
+    format_options(sub, {"table", "json", "csv"});
+    table_options(sub);
+    sub = command("recover", "What can be read of a log, as a new log", [this] { return recover_log(options_); });
+    sub->add_option("LOG", options_.logs, "folder of a log, or its parts")->required();
+    sub->add_option("-o,--output", options_.output, "the new folder")->required();
   }
 
   void add_tables() {

@@ -27,7 +27,7 @@ constexpr std::array<Words, 17> kCauses{{
     {"overrun", "earlier polls took too long"},
     {"backoff", "waiting before the next connection attempt"},
     {"queue_full", "the recorder could not keep up with writing"},
-    {"disk", "the log could not be written"},
+    {"disk", "the log could not be written, or what was written could not be read again"},
     {"recorder_off", "the recorder was not running"},
     {"recorder_killed", "not yet committed when the recorder died"},
     {"shutdown", "the recorder was stopping"},

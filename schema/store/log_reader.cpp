@@ -431,4 +431,35 @@ void LogReader::read_raw(RobotId robot, Source source, Window window, const std:
   });
 }
 
+LogReader::Records LogReader::part_records(std::size_t part, RobotId robot) {
+  Records out;
+  const PartHead& head = impl_->parts[part];
+  try {
+    PartReader reader = impl_->reader(head);
+    out.gaps = reader.gaps(robot, Window{});
+    out.events = reader.events(robot, Window{});
+    out.clock = reader.clock(robot, Window{});
+    std::erase_if(out.clock, [&](const ClockPoint& point) { return point.robot != robot; });
+  } catch (const SqliteError& error) {
+    impl_->problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
+  }
+  return out;
+}
+
+void LogReader::part_answers(std::size_t part, RobotId robot, const std::function<void(const Answer&)>& yield) {
+  const PartHead& head = impl_->parts[part];
+  PartReader::Query query{robot, {}, Window{}};
+  query.sources.fill(true);
+  try {
+    impl_->reader(head).answers(query, yield);
+  } catch (const SqliteError& error) {
+    impl_->problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
+  }
+}
+
+std::uint64_t LogReader::first_poll(const Stream& stream) const {
+  const auto found = impl_->first_seq.find({stream.session, stream.robot, stream.source});
+  return found == impl_->first_seq.end() ? 0 : found->second;
+}
+
 }  // namespace tacho::store

@@ -47,6 +47,19 @@ class LogReader final : public RowSource {
   };
   [[nodiscard]] std::vector<PartInfo> parts() const;
 
+  // Part by part, for whoever checks or copies a log. Nothing is put in order or left out, but for what is damaged.
+  struct Records {
+    std::vector<Gap> gaps;
+    std::vector<Event> events;
+    std::vector<ClockPoint> clock;
+  };
+  /// Of one robot, or (0) of none. `part` counts in parts().
+  Records part_records(std::size_t part, RobotId robot);
+  /// All sources in order of arrival.
+  void part_answers(std::size_t part, RobotId robot, const std::function<void(const Answer&)>& yield);
+  /// The first poll of a stream that the parts given here can hold: earlier ones were in parts that are gone.
+  [[nodiscard]] std::uint64_t first_poll(const Stream& stream) const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -508,6 +508,25 @@ void LogWriter::identify(RobotId id, const Robot& identity) {
 
 void LogWriter::declare(const Stream& stream) { impl_->declare(stream); }
 
+void LogWriter::restore(const Robot& robot) {
+  impl_->robots[robot.id] = robot;
+  impl_->write([&] { impl_->part().put(robot); });
+}
+
+void LogWriter::restore(const Session& session) {
+  assert(session.id >= impl_->next_session);
+  impl_->next_session = session.id;
+  begin_session(session);
+}
+
+void LogWriter::restore(const Stream& stream, std::uint64_t first_poll) {
+  impl_->earlier.erase({stream.robot, stream.source});
+  impl_->declare(stream);
+  StreamState& state = impl_->stream(stream.robot, stream.source);
+  state.row.seq_from = state.next_seq = state.committed_seq = first_poll;
+  impl_->write([&] { impl_->part().put(state.row); });
+}
+
 void LogWriter::planned(RobotId robot, Source source, std::uint64_t count) {
   impl_->stream(robot, source).planned = count;
 }

@@ -28,7 +28,7 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
   int zstd_level = 3;
-  bool blocks = true;  ///< false: rows stay hot, as in a part that a kill left; only tests want that
+  bool blocks = true;   ///< false: rows stay hot, as in a part that a kill left; only tests want that
   bool durable = true;  ///< synchronous FULL; false only for generated logs that can be made again
 };
 
@@ -56,6 +56,13 @@ class LogWriter {
   /// the last stored or missed poll.
   void planned(RobotId robot, Source source, std::uint64_t count);
   void set_word_order(RobotId robot, Source source, WordOrder order);
+
+  // Copying a log: rows as they were, with their numbers.
+  void restore(const Robot& robot);
+  /// Begins the session. Ids grow.
+  void restore(const Session& session);
+  /// Declares a stream without a recorder_off gap: the copied gaps have it. Polls begin with `first_poll`.
+  void restore(const Stream& stream, std::uint64_t first_poll);
 
   /// Answers of a stream come with growing seq.
   void append(const Answer& answer);

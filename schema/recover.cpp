@@ -1,0 +1,276 @@
+#include "schema/recover.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "schema/log.hpp"
+
+namespace tacho {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kRowsPerCommit = 2000;
+
+Gap lost_gap(const store::StreamKey& key, const Hole& hole) {
+  Gap gap;
+  gap.robot = key.robot;
+  gap.source = key.source;
+  gap.session = key.session;
+  gap.seq_from = hole.seq_from;
+  gap.seq_count = hole.seq_count;
+  gap.t_from_us = hole.t_from_us;
+  gap.t_to_us = std::max(hole.t_from_us, hole.t_to_us);
+  gap.cause = Cause::disk;
+  gap.detail = "damaged in the log that this one was recovered from";
+  return gap;
+}
+
+/// Copies part by part, in each session by session and robot by robot: so sessions come one after the other, and only
+/// one answer is in memory.
+class Copier {
+ public:
+  Copier(store::LogReader& log, const Survey& found, store::LogWriter& writer)
+      : log_(&log), found_(&found), writer_(&writer), robots_(robots_in(log)) {}
+
+  Recovery run() {
+    restore_robots();
+    robots_.insert(robots_.begin(), 0);
+    for (std::size_t part = 0; part < log_->parts().size(); ++part) {
+      std::set<SessionId> sessions;
+      std::map<RobotId, store::LogReader::Records> records;
+      for (const RobotId robot : robots_) {
+        records[robot] = log_->part_records(part, robot);
+        note_sessions(part, robot, records[robot], sessions);
+      }
+      for (const SessionId session : sessions) {
+        copy(part, session, records);
+      }
+    }
+    // Sessions that left nothing but their own rows.
+    for (const Session& session : log_->sessions()) {
+      begin(session.id);
+    }
+    end();
+    return std::move(out_);
+  }
+
+ private:
+  store::LogReader* log_;
+  const Survey* found_;
+  store::LogWriter* writer_;
+  std::vector<RobotId> robots_;
+  Recovery out_;
+  SessionId session_ = 0;
+  Micros last_us_ = 0;
+  std::uint64_t uncommitted_ = 0;
+  struct Lane {
+    WordOrder order = WordOrder::cdab;
+    std::uint64_t next = 0;
+    std::size_t hole = 0;
+  };
+  std::map<store::StreamKey, Lane> lanes_;  // of the open session
+  std::map<RobotId, Gates> gates_;
+  AnswerDecoder decoder_;
+  Sample sample_;
+  const FieldSet all_ = FieldSet().set();
+
+  void restore_robots() {
+    std::map<RobotId, Robot> known;
+    for (const Robot& robot : log_->robots()) {
+      known[robot.id] = robot;
+    }
+    for (const RobotId id : robots_) {
+      Robot& robot = known[id];
+      robot.name = robot.id == 0 ? fmt::format("robot-{}", id) : robot.name;
+      robot.id = id;
+      writer_->restore(robot);
+    }
+  }
+
+  void note_sessions(std::size_t part, RobotId robot, const store::LogReader::Records& records,
+                     std::set<SessionId>& sessions) {
+    for (const Gap& gap : records.gaps) {
+      sessions.insert(gap.session);
+    }
+    for (const Event& event : records.events) {
+      sessions.insert(event.session);
+    }
+    for (const ClockPoint& point : records.clock) {
+      sessions.insert(point.session);
+    }
+    if (robot != 0) {
+      log_->part_answers(part, robot, [&](const Answer& answer) { sessions.insert(answer.meta.session); });
+    }
+  }
+
+  /// Goes on to a session, and through those before it. False for one that has been left.
+  bool begin(SessionId id) {
+    if (id <= session_) {
+      return id == session_;
+    }
+    for (const Session& session : log_->sessions()) {
+      if (session.id > session_ && session.id < id) {
+        open(session);
+      }
+    }
+    Session next;
+    next.id = id;
+    for (const Session& session : log_->sessions()) {
+      next = session.id == id ? session : next;
+    }
+    open(next);
+    return true;
+  }
+
+  void open(const Session& session) {
+    end();
+    writer_->restore(session);
+    session_ = session.id;
+    last_us_ = session.t_start_us;
+    for (const auto& [key, survey] : found_->streams) {
+      if (key.session == session_ && key.robot != 0) {
+        declare(key, survey);
+      }
+    }
+  }
+
+  void declare(const store::StreamKey& key, const StreamSurvey& survey) {
+    Stream stream;
+    stream.session = key.session;
+    stream.robot = key.robot;
+    stream.source = key.source;
+    for (const Stream& known : log_->streams()) {
+      const bool same = known.session == key.session && known.robot == key.robot && known.source == key.source;
+      stream = same ? known : stream;
+    }
+    writer_->restore(stream, survey.first);
+    writer_->planned(key.robot, key.source, survey.first + survey.planned);
+    lanes_[key] = {stream.word_order, survey.first, 0};
+  }
+
+  void end() {
+    if (session_ == 0) {
+      return;
+    }
+    for (auto& [key, lane] : lanes_) {
+      fill(key, lane, ~std::uint64_t{0});
+    }
+    Session known;
+    for (const Session& session : log_->sessions()) {
+      known = session.id == session_ ? session : known;
+    }
+    writer_->end_session(known.t_end_us != 0 ? known.t_end_us : last_us_, known.clean);
+    lanes_.clear();
+    gates_.clear();
+  }
+
+  /// Gap rows for what was lost before poll `seq`.
+  void fill(const store::StreamKey& key, Lane& lane, std::uint64_t seq) {
+    const std::vector<Hole>& holes = found_->streams.at(key).holes;
+    for (; lane.hole < holes.size() && holes[lane.hole].seq_from < seq; ++lane.hole) {
+      writer_->add(lost_gap(key, holes[lane.hole]));
+      out_.lost += holes[lane.hole].seq_count;
+    }
+  }
+
+  void copy(std::size_t part, SessionId session, const std::map<RobotId, store::LogReader::Records>& records) {
+    const bool open = begin(session);
+    for (const auto& [robot, rows] : records) {
+      const auto each = [&](const auto& all) {
+        for (const auto& row : all) {
+          if (row.session == session && open) {
+            writer_->add(row);
+          }
+          out_.left_out += row.session == session && !open ? 1 : 0;
+        }
+      };
+      each(rows.gaps);
+      each(rows.events);
+      each(rows.clock);
+      if (robot != 0) {
+        log_->part_answers(part, robot, [&](const Answer& answer) {
+          if (answer.meta.session == session) {
+            take(answer, open);
+          }
+        });
+      }
+    }
+    writer_->commit();
+  }
+
+  void take(const Answer& answer, bool open) {
+    const AnswerMeta& meta = answer.meta;
+    const store::StreamKey key{meta.session, meta.robot, meta.source};
+    const auto found = lanes_.find(key);
+    if (!open || found == lanes_.end() || meta.seq < found->second.next) {
+      ++out_.left_out;
+      return;
+    }
+    Lane& lane = found->second;
+    fill(key, lane, meta.seq);
+    Gates& gates = gates_[meta.robot];
+    if (meta.source == Source::inputs && meta.seq != lane.next) {
+      gates = Gates{};
+    }
+    decoder_.decode(answer, lane.order, all_, true, gates, sample_);
+    writer_->append(answer);
+    writer_->note(sample_);
+    lane.next = meta.seq + 1;
+    last_us_ = std::max(last_us_, meta.t_send_us);
+    ++out_.answers;
+    if (++uncommitted_ == kRowsPerCommit) {
+      uncommitted_ = 0;
+      writer_->commit();
+    }
+  }
+};
+
+void compare(const Survey& before, const Survey& after, Recovery& out) {
+  RowSum gaps = before.gaps;
+  for (const auto& [key, stream] : before.streams) {
+    for (const Hole& hole : stream.holes) {
+      ++gaps.rows;
+      gaps.hash += row_hash(lost_gap(key, hole));
+    }
+  }
+  const auto tell = [&](const char* what, const RowSum& read, const RowSum& written) {
+    if (!(read == written)) {
+      out.different.push_back(fmt::format("{}: {} were read, {} are in the new log{}", what, read.rows, written.rows,
+                                          read.rows == written.rows ? ", but not the same" : ""));
+    }
+  };
+  tell("gaps", gaps, after.gaps);
+  tell("events", before.events, after.events);
+  tell("clock points", before.clock, after.clock);
+  if (before.hours != after.hours) {
+    out.different.push_back("the answers are not those that were read");
+  }
+}
+
+}  // namespace
+
+Recovery recover(store::LogReader& log, const Survey& found, const fs::path& folder) {
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_empty(folder, error)) {
+    throw Error(folder.string(), "is not an empty folder", "give a new folder: nothing is overwritten");
+  }
+  Recovery out;
+  {
+    store::LogWriter writer(folder);
+    out = Copier(log, found, writer).run();
+  }
+  const std::vector<fs::path> paths{folder};
+  const auto again = open_log(paths);
+  auto& reader = dynamic_cast<store::LogReader&>(*again);
+  compare(found, survey(reader), out);
+  for (const ReadProblem& problem : reader.problems()) {
+    out.different.push_back(problem.where + ": " + problem.what);
+  }
+  return out;
+}
+
+}  // namespace tacho

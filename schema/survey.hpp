@@ -1,0 +1,77 @@
+#pragma once
+// Everything a log holds, decoded once: what is missing, what is there twice, and sums that two logs can be compared
+// by.
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "schema/store/coverage.hpp"
+#include "schema/store/log_reader.hpp"
+
+namespace tacho {
+
+/// Planned polls that are neither stored nor in a gap row; the last poll is `seq_from + seq_count - 1`.
+struct Hole {
+  std::uint64_t seq_from = 0;
+  std::uint64_t seq_count = 0;
+  Micros t_from_us = 0;  ///< end of what is known before it, or start of the session
+  Micros t_to_us = 0;
+};
+
+/// Rows and the sum of their hashes, which does not depend on their order.
+struct RowSum {
+  std::uint64_t rows = 0;
+  std::uint64_t hash = 0;
+  friend bool operator==(const RowSum&, const RowSum&) = default;
+};
+
+/// FNV-1a, 64 bit, over source (1 byte), session (4), seq (8), t_send_us (8), t_recv_us (8), length of the header (4),
+/// header, body; numbers with the low byte first. The robot is not in it: its number is a matter of the log.
+std::uint64_t row_hash(const Answer& answer);
+/// Over the text of all members.
+std::uint64_t row_hash(const Gap& gap);
+std::uint64_t row_hash(const Event& event);
+std::uint64_t row_hash(const ClockPoint& point);
+
+struct StreamSurvey {
+  std::uint64_t first = 0;    ///< first poll that can be here
+  std::uint64_t planned = 0;  ///< from there on; without a word of the schedule what left a trace
+  std::uint64_t stored = 0;
+  std::uint64_t missed = 0;  ///< by gap rows
+  std::uint64_t bytes = 0;
+  std::uint64_t undecodable = 0;
+  std::uint64_t doubled = 0;     ///< polls that are stored or missed more than once
+  std::uint64_t beyond = 0;      ///< polls after the last planned one, or before the first
+  std::uint64_t disordered = 0;  ///< answers that repeat or come after a later one
+  std::vector<Hole> holes;
+};
+
+/// The events that answers lead to, derived again.
+struct EventCheck {
+  std::uint64_t sessions = 0;  ///< robot by robot
+  std::uint64_t left_out = 0;  ///< sessions in which Ingest cannot be repeated exactly
+  std::uint64_t derived = 0;
+  std::uint64_t only_stored = 0;
+  std::uint64_t only_derived = 0;
+  std::vector<std::string> first;  ///< differences, the first few
+};
+
+struct Survey {
+  std::map<store::StreamKey, StreamSurvey> streams;
+  std::map<std::tuple<RobotId, Source, Micros>, RowSum> hours;  ///< by start of the UTC hour of t_send_us
+  RowSum gaps;
+  RowSum events;
+  RowSum clock;
+  std::vector<std::string> wrong_summaries;  ///< coverage that is not what is there
+  EventCheck event_check;
+};
+
+/// Robots of which the log holds anything, by id.
+std::vector<RobotId> robots_in(const store::LogReader& log);
+/// Reads everything; damage is in log.problems() afterwards.
+Survey survey(store::LogReader& log);
+
+}  // namespace tacho
