@@ -244,3 +244,6 @@ int main(int argc, char** argv) {
     return kExitFailed;
   }
 }
+  } catch (const SettingsError& error) {
+    std::fprintf(stderr, "tacho-analyzer: error: %s\n", error.what());
+    return kExitUsage;

@@ -73,13 +73,14 @@ Section settings() {
                   {{"name", "", "table and key of the TOML file; [robot.NAME.TABLE] for one robot"},
                    {"default", "", "value when it is not configured"},
                    {"unit", "", "unit"},
+                   {"allowed", "", "values that it can have"},
                    {"meaning", "", "meaning"}},
                   {},
                   false};
   for (const SettingRow& row : setting_rows()) {
     table.rows.push_back({std::string(row.name),
                           row.fallback ? Value(*row.fallback) : Value(Missing{"unknown unless configured"}),
-                          std::string(row.unit), std::string(row.meaning)});
+                          std::string(row.unit), row.allowed.text(), std::string(row.meaning)});
   }
   section.tables.push_back(std::move(table));
   return section;

@@ -10,8 +10,8 @@ namespace tacho::commands {
 namespace {
 
 constexpr auto kSettings = std::to_array<SettingRow>({
-    {"info.stored_pass", 0.99, "1", "DATA-01 passes from this share of planned polls on"},
-    {"info.stored_fail", 0.90, "1", "DATA-01 fails below this share of planned polls"},
+    {"info.stored_pass", 0.99, "1", "DATA-01 passes from this share of planned polls on", kShare},
+    {"info.stored_fail", 0.90, "1", "DATA-01 fails below this share of planned polls", kShare},
 });
 
 const ColumnSpec kRobot{"robot", "", "robot"};
