@@ -377,6 +377,6 @@ std::span<const SettingRow> settings() {
 
 }  // namespace
 
-constinit const AnalysisSpec kBlockage{"blockage", kQuestion, needs, make, settings};
+constinit const AnalysisSpec kBlockage{"blockage", kQuestion, needs, make, settings, true};
 
 }  // namespace tacho
