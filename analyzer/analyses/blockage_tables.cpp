@@ -55,8 +55,8 @@ DataTable by_robot(const BlockageData& data) {
                    {"per_km", "1/km", "Episodes per km", true},
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},
-                   {"lost_share", "%", "Of the time on task, see BLK-01"},
-                   {"slowed_episodes", "", "Slowed episodes"},
+                   {"lost_of_task_pct", "%", "Lost time over time on task, see BLK-01"},
+                   integer_column("slowed_episodes", "Slowed episodes"),
                    {"slowed_h", "h", "Observed time slowed"}};
   const std::vector<Finding> findings = blockage_findings(data);
   for (std::size_t r = 0; r < data.robots.size(); ++r) {
@@ -106,7 +106,7 @@ DataTable by_reason(const BlockageData& data) {
                    {"episodes", "", "Blocked episodes"},
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},
-                   {"lost_share", "1", "Of all lost time"},
+                   {"lost_of_all_lost_pct", "%", "Lost time for this reason over all lost time"},
                    {"median_s", "s", "Median duration"},
                    {"slowed_episodes", "", "Slowed episodes"},
                    {"slowed_s", "s", "Sum of their durations"}};
@@ -128,7 +128,7 @@ DataTable by_reason(const BlockageData& data) {
     const auto slow = std::count_if(slowed.begin(), slowed.end(),
                                     [&](const Episode& e) { return e.reason.value_or(kNoReason) == key; });
     table.rows.push_back({reason_name(reason), sum.episodes, sum.blocked(), sum.lost(),
-                          all_lost_s > 0.0 ? Value(sum.lost_s / all_lost_s) : Value(Missing{"no time lost"}),
+                          all_lost_s > 0.0 ? Value(100.0 * sum.lost_s / all_lost_s) : Value(Missing{"no time lost"}),
                           sum.episodes > 0 ? Value(median(sum.durations)) : Value(Missing{"no episode"}),
                           static_cast<std::int64_t>(slow), slowed_s(slowed, reason)});
   }
