@@ -48,7 +48,7 @@ Section fields() {
                    {"codes", "", "values of a code"},
                    {"condition", "", "flag; while it is false the field means nothing"},
                    {"not_supplied", "", "value that stands for: the robot does not supply this"},
-                   {"retired", "", "struck out in the vendor's document, still decoded"},
+                   flag_column("retired", "struck out in the vendor's document, still decoded"),
                    {"meaning", "", "meaning"}},
                   {},
                   false};
@@ -71,7 +71,7 @@ Section settings() {
   DataTable table{"settings",
                   "Settings",
                   {{"name", "", "table and key of the TOML file; [robot.NAME.TABLE] for one robot"},
-                   {"default", "", "value when it is not configured"},
+                   number_column("default", "value when it is not configured"),
                    {"unit", "", "unit"},
                    {"allowed", "", "values that it can have"},
                    {"meaning", "", "meaning"}},

@@ -79,10 +79,10 @@ std::vector<Coverage> coverage_of(const RowSource& log, const std::vector<Robot>
 DataTable parts_table(const store::LogReader& reader) {
   DataTable table{"parts",
                   "Parts",
-                  {{"number", "", "number of the part"},
+                  {integer_column("number", "number of the part"),
                    {"file", "", "file name"},
                    {"bytes", "B", "size of the file"},
-                   {"closed", "", "complete, never written again"},
+                   flag_column("closed", "complete, never written again"),
                    {"first", "", "first answer", false, true},
                    {"last", "", "last answer", false, true}},
                   {}};
@@ -97,10 +97,10 @@ DataTable parts_table(const store::LogReader& reader) {
 DataTable sessions_table(const RowSource& log) {
   DataTable table{"sessions",
                   "Sessions (starts of the recorder)",
-                  {{"session", "", "number"},
+                  {integer_column("session", "number"),
                    {"start", "", "start", false, true},
                    {"end", "", "end", false, true},
-                   {"clean", "", "ended as asked, not killed"},
+                   flag_column("clean", "ended as asked, not killed"),
                    {"software", "", "program and version"},
                    {"host", "", "host it ran on"}},
                   {}};
@@ -237,16 +237,17 @@ std::string names_of(const FieldSet& fields) {
 }
 
 DataTable never_seen_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
-  DataTable table{"never_seen",
-                  "Fields never seen, and fields never seen with a value",
-                  {kRobot,
-                   kSource,
-                   {"seen", "", "fields seen at least once"},
-                   {"never", "", "fields that this source could give and never gave"},
-                   {"names", "", "their names"},
-                   {"without_value", "", "fields seen, but only as null, not supplied, not meaningful or unreadable"},
-                   {"names_without_value", "", "their names"}},
-                  {}};
+  DataTable table{
+      "never_seen",
+      "Fields never seen, and fields never seen with a value",
+      {kRobot,
+       kSource,
+       integer_column("seen", "fields seen at least once"),
+       integer_column("never", "fields that this source could give and never gave"),
+       {"names", "", "their names"},
+       integer_column("without_value", "fields seen, but only as null, not supplied, not meaningful or unreadable"),
+       {"names_without_value", "", "their names"}},
+      {}};
   for (const Coverage& c : all) {
     FieldSet never;
     for (std::size_t f = 0; f < kFieldCount; ++f) {
