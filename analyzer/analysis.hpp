@@ -47,6 +47,7 @@ struct AnalysisSpec {
   std::vector<Need> (*needs)();
   std::unique_ptr<Analysis> (*make)(const RobotContext& context);
   std::span<const SettingRow> (*settings)() = nullptr;  ///< its rows of setting_rows(); null when it has none
+  bool maps = false;                                    ///< its Section can hold grids, to be drawn as PNG
 };
 
 /// Every analysis, in the order of the report. One row each (registry.cpp).

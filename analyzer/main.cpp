@@ -51,6 +51,7 @@ class Program {
 
   int run(int argc, char** argv) {
     refuse_unknown_command(argc, argv);
+    refuse_png_without_maps(argc, argv);
     try {
       app_.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
@@ -85,7 +86,9 @@ class Program {
     sub->add_option("--format", options_.format, "how results are written")
         ->check(CLI::IsMember(formats))
         ->default_str(formats.front());
-    sub->add_option("-o,--output", options_.output, "write to this file; for --format csv and png a folder");
+    const bool png = std::find(formats.begin(), formats.end(), "png") != formats.end();
+    sub->add_option("-o,--output", options_.output,
+                    std::string("write to this file; for --format csv ") + (png ? "and png " : "") + "a folder");
   }
   void table_options(CLI::App* sub) {
     sub->add_option("--table", options_.table, "with --format csv: the one table to print");
@@ -116,7 +119,11 @@ class Program {
     });
     log_options(sub);
     window_options(sub);
-    format_options(sub, {"table", "json", "csv", "png"});
+    if (spec.maps) {
+      format_options(sub, {"table", "json", "csv", "png"});
+    } else {
+      format_options(sub, {"table", "json", "csv"});
+    }
     table_options(sub);
   }
 
@@ -228,6 +235,20 @@ class Program {
     return print(incident(*job.log, job.robot_ids(), query, job.settings), job);
   }
 
+  static void refuse_png_without_maps(int argc, char** argv) {
+    for (const AnalysisSpec& spec : analyses()) {
+      if (argc < 2 || argv[1] != spec.name || spec.maps) {
+        continue;
+      }
+      for (int i = 2; i < argc; ++i) {
+        const std::string_view word = argv[i];
+        if (word == "--format=png" || (word == "--format" && i + 1 < argc && std::string_view(argv[i + 1]) == "png")) {
+          throw UsageError(std::string(spec.name) + " has curves only; use --format csv -o DIR");
+        }
+      }
+    }
+  }
+
   void refuse_unknown_command(int argc, char** argv) {
     if (argc < 2 || argv[1][0] == '-') {
       return;
@@ -249,6 +270,9 @@ int main(int argc, char** argv) {
   try {
     return Program().run(argc, argv);
   } catch (const UsageError& error) {
+    std::fprintf(stderr, "tacho-analyzer: error: %s\n", error.what());
+    return kExitUsage;
+  } catch (const SettingsError& error) {
     std::fprintf(stderr, "tacho-analyzer: error: %s\n", error.what());
     return kExitUsage;
   } catch (const std::exception& error) {

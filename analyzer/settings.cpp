@@ -40,8 +40,8 @@ struct Place {
     names.emplace_back(row.name);
   }
   const std::string near = nearest(name, names);
-  throw Error(at + ": " + name, "no such setting",
-              near.empty() ? "analyzer/README.md says how to list them" : "did you mean '" + near + "'?");
+  throw SettingsError(at + ": " + name, "no such setting",
+                      (near.empty() ? "" : "did you mean '" + near + "'? ") + "`tacho-analyzer settings` lists them");
 }
 
 class Reader {
@@ -65,13 +65,13 @@ class Reader {
   void read_robots(const toml::node& node) {
     const toml::table* robots = node.as_table();
     if (robots == nullptr) {
-      throw Error(place_.at(node) + ": robot", "not a table", "write [robot.NAME.battery]");
+      throw SettingsError(place_.at(node) + ": robot", "not a table", "write [robot.NAME.battery]");
     }
     for (const auto& [name, settings] : *robots) {
       const toml::table* groups = settings.as_table();
       if (groups == nullptr) {
-        throw Error(place_.at(settings) + ": robot." + std::string(name.str()), "not a table",
-                    "write [robot." + std::string(name.str()) + ".battery]");
+        throw SettingsError(place_.at(settings) + ": robot." + std::string(name.str()), "not a table",
+                            "write [robot." + std::string(name.str()) + ".battery]");
       }
       for (const auto& [group, values] : *groups) {
         read_group(std::string(group.str()), values, name.str());
@@ -86,16 +86,26 @@ class Reader {
     }
     for (const auto& [key, value] : *values) {
       const std::string name = group + "." + std::string(key.str());
-      if (find_row(name) == nullptr) {
+      const SettingRow* row = find_row(name);
+      if (row == nullptr) {
         refuse_key(place_.at(value), name);
       }
       const std::optional<double> number = value.value<double>();
       if (!value.is_number() || !number || !std::isfinite(*number)) {
-        throw Error(place_.at(value) + ": " + name, "not a number",
-                    "write " + name + " as a plain number in " + unit_of(name));
+        throw SettingsError(place_.at(value) + ": " + name, "not a number",
+                            "write " + name + " as a plain number in " + unit_of(name));
+      }
+      if (!row->allowed.holds(*number)) {
+        throw SettingsError(place_.at(value) + ": " + name,
+                            with_unit(*number, *row) + ": allowed is " + row->allowed.text(), "");
       }
       out_.set(robot.empty() ? name : std::string(robot) + "/" + name, *number, place_.at(value));
     }
+  }
+
+  static std::string with_unit(double number, const SettingRow& row) {
+    return fmt::format("{}{}{}", number, row.unit.empty() || row.unit == "1" ? "" : " ",
+                       row.unit == "1" ? "" : row.unit);
   }
 
   static std::string unit_of(std::string_view name) {
@@ -106,17 +116,24 @@ class Reader {
 
 }  // namespace
 
+std::string Range::text() const {
+  if (std::isfinite(high)) {
+    return fmt::format("{}{} to {}", low_itself ? "" : "above ", low, high);
+  }
+  return low_itself ? fmt::format("{} or more", low) : fmt::format("above {}", low);
+}
+
 Settings Settings::load(const std::filesystem::path& file) {
   if (std::error_code ec; !std::filesystem::is_regular_file(file, ec)) {
-    throw Error(file.string(), ec ? ec.message() : "no such file", "give --config the path of a TOML file");
+    throw SettingsError(file.string(), ec ? ec.message() : "no such file", "give --config the path of a TOML file");
   }
   Settings settings;
   try {
     const toml::table root = toml::parse_file(file.string());
     Reader(file, settings).read(root);
   } catch (const toml::parse_error& error) {
-    throw Error(file.filename().string() + ":" + std::to_string(error.source().begin.line),
-                std::string(error.description()), "the file must be TOML 1.0");
+    throw SettingsError(file.filename().string() + ":" + std::to_string(error.source().begin.line),
+                        std::string(error.description()), "the file must be TOML 1.0");
   }
   return settings;
 }

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <initializer_list>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -15,13 +16,38 @@
 #include <variant>
 #include <vector>
 
+#include "schema/error.hpp"
+
 namespace tacho {
+
+/// The values that a setting can have.
+struct Range {
+  double low = 0.0;
+  double high = std::numeric_limits<double>::infinity();
+  bool low_itself = true;  ///< the low end is allowed too
+
+  [[nodiscard]] constexpr bool holds(double value) const {
+    return (low_itself ? value >= low : value > low) && value <= high;
+  }
+  [[nodiscard]] std::string text() const;  ///< "above 0", "0 to 1", "0 or more"
+};
+inline constexpr Range kAbove0{0.0, std::numeric_limits<double>::infinity(), false};
+inline constexpr Range kFrom1{1.0};
+inline constexpr Range kShare{0.0, 1.0};
+inline constexpr Range kTemperature{-273.15};
+
+/// The configuration is wrong, which is for its author to correct.
+class SettingsError : public Error {
+ public:
+  using Error::Error;
+};
 
 struct SettingRow {
   std::string_view name;           ///< "odometry.v_max_mps": table and key of the TOML file
   std::optional<double> fallback;  ///< empty: unknown unless configured (nominal capacity, wheel track)
   std::string_view unit;
   std::string_view meaning;
+  Range allowed = {};  ///< unless said otherwise 0 or more
 };
 
 struct SettingValue {
@@ -32,7 +58,8 @@ struct SettingValue {
 class Settings {
  public:
   Settings() = default;
-  /// Throws Error with file, line and "did you mean" for an unknown key or a value that is no number.
+  /// Throws SettingsError with file, line and "did you mean" for an unknown key, a value that is no number, and one
+  /// outside its range.
   static Settings load(const std::filesystem::path& file);
 
   /// `name` must be a row of the table (assert). A per-robot value ([robot.NAME.battery]) wins over the general one.

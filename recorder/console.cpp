@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <functional>
+#include <numeric>
 
 #include "schema/time.hpp"
 
@@ -82,6 +84,25 @@ std::string summary_text(const std::vector<SourceSummary>& rows) {
                        row.stored, missed, causes);
   }
   return out;
+}
+
+std::string nothing_recorded(const std::vector<SourceSummary>& rows) {
+  std::array<std::uint64_t, kCauseCount> missed{};
+  for (const SourceSummary& row : rows) {
+    if (row.stored > 0) {
+      return "";
+    }
+    std::transform(missed.begin(), missed.end(), row.missed.begin(), missed.begin(), std::plus<>());
+  }
+  const auto at = [&](Cause cause) -> std::uint64_t& { return missed[static_cast<std::size_t>(cause)]; };
+  if (std::accumulate(missed.begin(), missed.end(), std::uint64_t{0}) > at(Cause::backoff) + at(Cause::shutdown)) {
+    at(Cause::backoff) = 0;  // both follow from something else
+    at(Cause::shutdown) = 0;
+  }
+  const auto most = std::max_element(missed.begin(), missed.end());
+  const std::string_view why =
+      *most == 0 ? "it ended before the first poll" : cause_meaning(static_cast<Cause>(most - missed.begin()));
+  return fmt::format("nothing was recorded: {}", why);
 }
 
 }  // namespace tacho::recorder

@@ -31,6 +31,9 @@ class Console {
 /// The table printed at the end of a recording: per robot and source planned, stored, missed by cause.
 std::string summary_text(const std::vector<SourceSummary>& rows);
 
+/// "nothing was recorded: no answer in time" with the most frequent cause; empty when an answer was stored.
+std::string nothing_recorded(const std::vector<SourceSummary>& rows);
+
 /// "12.3 MB"
 std::string bytes_text(std::uint64_t bytes);
 

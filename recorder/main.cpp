@@ -98,6 +98,11 @@ int run(const Arguments& arguments) {
   console.status(recorder.progress());
   console.end_status();
   fmt::print("{}", summary_text(summary));
+  std::fflush(stdout);
+  if (const std::string why = nothing_recorded(summary); !why.empty()) {
+    fmt::print(stderr, "tacho-recorder: error: {}\n", why);
+    return kFailed;
+  }
   return 0;
 }
 

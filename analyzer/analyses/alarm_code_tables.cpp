@@ -96,22 +96,23 @@ std::vector<CodeSum> by_code(const AlarmData& data) {
 
 std::vector<ColumnSpec> code_columns() {
   return {{"level", "", "Level of the alarm array"},
-          {"code", "", "Alarm code"},
+          integer_column("code", "Alarm code"),
           {"description", "", "The robot's last words for it"},
-          {"raises", "", "Raised while observed"},
-          {"listed", "", "With those in gaps and at the start"},
-          {"repeats", "", "Growth of `times` while standing"},
-          {"robots", "", "Robots that had it"},
+          integer_column("raises", "Raised while observed"),
+          integer_column("listed", "With those in gaps and at the start"),
+          integer_column("repeats", "Growth of `times` while standing"),
+          integer_column("robots", "Robots that had it"),
           {"share", "1", "Of all raises"},
           {"per_hour", "1/h", "Raises per robot hour", true},
           {"per_100km", "1/100km", "Raises per 100 km", true},
           {"active", "s", "Time it stood inside the record", true},
           {"stopped_s", "s", "Task running and not moving while it stood; simultaneous alarms share equally"},
           {"stopped_first_s", "s", "The same, all of it to the alarm that stood first"},
-          {"fleeting_sure", "", "Surely fleeting"},
-          {"fleeting_possible", "", "Possibly fleeting"},
-          {"stale_sure", "", "Surely stale"},
-          {"censored_set", "", "Seen in a full register set, or beside elements that could not be read: bounds only"}};
+          integer_column("fleeting_sure", "Surely fleeting"),
+          integer_column("fleeting_possible", "Possibly fleeting"),
+          integer_column("stale_sure", "Surely stale"),
+          flag_column("censored_set",
+                      "Seen in a full register set, or beside elements that could not be read: bounds only")};
 }
 
 std::vector<Value> code_cells(const CodeSum& c, double all_raises, bool has_odo) {
@@ -182,11 +183,11 @@ DataTable pareto(const ParetoOf& of, std::vector<CodeSum> codes) {
   DataTable table;
   table.name = of.name;
   table.title = of.title;
-  table.columns = {{"rank", "", "Place"},
+  table.columns = {integer_column("rank", "Place"),
                    {"level", "", "Level of the alarm array"},
-                   {"code", "", "Alarm code"},
+                   integer_column("code", "Alarm code"),
                    {"description", "", "The robot's last words for it"},
-                   {"value", of.unit, "What is ranked"},
+                   {"value", of.unit, "What is ranked", false, false, ColumnType::number},
                    {"share", "1", "Of the sum over all codes"},
                    {"cumulative_share", "1", "Of this and the places before"}};
   std::stable_sort(codes.begin(), codes.end(),

@@ -22,8 +22,8 @@ DataTable flood_table(const AlarmData& data) {
                    {"from", "", "Raise that made it a flood", false, true},
                    {"to", "", "When fewer were left in the window", false, true},
                    {"duration_s", "s", "Length"},
-                   {"raises", "", "Alarms in it"},
-                   {"peak", "", "Most in one window"},
+                   integer_column("raises", "Alarms in it"),
+                   integer_column("peak", "Most in one window"),
                    {"first_out", "", "Oldest alarm in the window that started it"},
                    {"first_out_robot", "", "Robot that had it"}};
   for (const AlarmScope& scope : data.scopes) {
@@ -44,11 +44,11 @@ DataTable chatter_table(const AlarmData& data) {
   table.columns = {
       {"robot", "", "Robot"},
       {"level", "", "Level of the alarm array"},
-      {"code", "", "Alarm code"},
-      {"raises", "", "Raised while observed"},
-      {"most_in_window", "", "Most raises in one window"},
-      {"runs", "", "Separate times of chattering"},
-      {"sure", "", "Chattering whatever the true onsets inside their bounds"},
+      integer_column("code", "Alarm code"),
+      integer_column("raises", "Raised while observed"),
+      integer_column("most_in_window", "Most raises in one window"),
+      integer_column("runs", "Separate times of chattering"),
+      flag_column("sure", "Chattering whatever the true onsets inside their bounds"),
       {"index", "1/s", "Chatter index: sum of P_r / r over run lengths r >= 1 s; limits over the onset bounds", true}};
   for (std::size_t r = 0; r < data.robots.size(); ++r) {
     for (const auto& [key, raises] : raises_by_key(data.robots[r], r)) {
@@ -71,12 +71,12 @@ DataTable standing_table(const AlarmData& data) {
   table.columns = {
       {"robot", "", "Robot"},
       {"level", "", "Level of the alarm array"},
-      {"code", "", "Alarm code"},
+      integer_column("code", "Alarm code"),
       {"since", "", "Latest possible onset; for one that stood in the first poll the first sight of it", false, true},
       {"seen_until", "", "Last sight", false, true},
       {"at_least_h", "h", "Surely active for"},
-      {"stale", "", "Longer than the limit for stale alarms"},
-      {"open", "", "Standing at the end of the record"}};
+      flag_column("stale", "Longer than the limit for stale alarms"),
+      flag_column("open", "Standing at the end of the record")};
   for (const RobotAlarms& robot : data.robots) {
     for (const AlarmInterval& a : robot.intervals()) {
       const bool is_stale = a.duration_lo_s() > data.rules.stale_s;
@@ -156,7 +156,7 @@ DataTable availability(const AlarmData& data) {
                    {"task_h", "h", "Observed time with a running task"},
                    {"up_h", "h", "Of it without a stop"},
                    {"down_h", "h", "Of it stopped by an alarm"},
-                   {"stops", "", "Stops by alarms"},
+                   integer_column("stops", "Stops by alarms"),
                    {"mtbf", "h", "Up time per stop, Garwood limits", true},
                    {"mttr", "s", "Mean length of a stop; limits over the poll bounds", true},
                    {"median_stop_s", "s", "Median length of a stop"},
@@ -189,7 +189,7 @@ DataTable availability(const AlarmData& data) {
 std::vector<ColumnSpec> interval_columns() {
   return {{"robot", "", "Robot"},
           {"level", "", "Level of the alarm array"},
-          {"code", "", "Alarm code"},
+          integer_column("code", "Alarm code"),
           {"description", "", "The robot's last words for it"},
           {"onset_lo", "", "Raised after this time; empty: not bounded", false, true},
           {"onset_hi", "", "Raised at this time or before", false, true},
@@ -200,10 +200,11 @@ std::vector<ColumnSpec> interval_columns() {
           {"onset", "", "seen, inferred, in_gap, before_record"},
           {"clear", "", "seen, inferred, in_gap, censored, open"},
           {"over_gap", "", "Stood over a gap: proven by its stamp, assumed, or no"},
-          {"censored_set", "", "Seen in a full register set, or beside elements that could not be read: bounds only"},
-          {"repeats", "", "Growth of `times`"},
+          flag_column("censored_set",
+                      "Seen in a full register set, or beside elements that could not be read: bounds only"),
+          integer_column("repeats", "Growth of `times`"),
           {"robot_stamp_s", "s", "The robot's own stamp, unix seconds of the robot's clock"},
-          {"stamped", "", "Onset narrowed by the robot's stamp"},
+          flag_column("stamped", "Onset narrowed by the robot's stamp"),
           {"stopped_s", "s", "Stopped time attributed, shared"},
           {"x_m", "m", "Position at first sight"},
           {"y_m", "m", "Position at first sight"},

@@ -92,20 +92,20 @@ DataTable summary(const AlarmData& data) {
       {"robot", "", "Robot; all = as one operator sees them"},
       {"observed", "h", "Time between polls without gaps; all: while at least one robot was observed"},
       {"distance", "km", "Driven by odometer while observed"},
-      {"raises", "", "Alarms raised while observed"},
-      {"inferred", "", "Of them hidden between two polls, inferred from stamp and `times`"},
-      {"raised_in_gaps", "", "Came up in a gap: not in the rates"},
-      {"at_start", "", "Stood already in the first poll: not in the rates"},
-      {"at_end", "", "Standing at the end of the record"},
-      {"repeats", "", "Growth of `times` inside standing alarms"},
+      integer_column("raises", "Alarms raised while observed"),
+      integer_column("inferred", "Of them hidden between two polls, inferred from stamp and `times`"),
+      integer_column("raised_in_gaps", "Came up in a gap: not in the rates"),
+      integer_column("at_start", "Stood already in the first poll: not in the rates"),
+      integer_column("at_end", "Standing at the end of the record"),
+      integer_column("repeats", "Growth of `times` inside standing alarms"),
       {"per_hour", "1/h", "Raises per observed hour", true},
       {"per_day", "1/d", "Raises per 24 observed hours", true},
       {"per_100km", "1/100km", "Raises per 100 km", true},
-      {"bins_10min", "", "10-minute bins observed nearly whole"},
-      {"mean_10min", "", "Raises per 10 minutes, mean"},
-      {"median_10min", "", "Raises per 10 minutes, median"},
-      {"p95_10min", "", "Raises per 10 minutes, 95th percentile"},
-      {"max_10min", "", "Raises per 10 minutes, most"},
+      integer_column("bins_10min", "10-minute bins observed nearly whole"),
+      number_column("mean_10min", "Raises per 10 minutes, mean"),
+      number_column("median_10min", "Raises per 10 minutes, median"),
+      number_column("p95_10min", "Raises per 10 minutes, 95th percentile"),
+      integer_column("max_10min", "Raises per 10 minutes, most"),
       {"share_above_flood", "1", "Share of bins with more raises than start a flood"},
       {"dispersion", "1", "Variance over mean of daily counts; above 1.5 the limits are widened by its root"},
   };
@@ -135,7 +135,7 @@ DataTable by_level(const AlarmData& data) {
   table.name = "by_level";
   table.title = "Priority mix";
   table.columns = {{"level", "", "Level of the alarm array"},
-                   {"raises", "", "Alarms raised while observed"},
+                   integer_column("raises", "Alarms raised while observed"),
                    {"share", "1", "Of all raises"},
                    {"reference_share", "1", "80 / 15 / 5 from the lowest priority up (ANSI/ISA-18.2-2016)"},
                    {"observed", "h", "Robot hours in which the array of this level was in the answers"},
@@ -165,9 +165,9 @@ DataTable by_hour(const AlarmData& data) {
   DataTable table;
   table.name = "by_hour";
   table.title = "Alarms by hour of day (" + data.zone + ")";
-  table.columns = {{"hour", "", "Hour of day in the zone of the report"},
+  table.columns = {integer_column("hour", "Hour of day in the zone of the report"),
                    {"observed", "h", "Robot hours observed"},
-                   {"raises", "", "Alarms raised while observed"},
+                   integer_column("raises", "Alarms raised while observed"),
                    {"per_hour", "1/h", "Raises per robot hour", true}};
   LocalTime local(data.zone);
   std::array<std::int64_t, 24> counts{};
@@ -190,8 +190,8 @@ DataTable ten_minutes(const AlarmData& data) {
   table.name = "ten_minutes";
   table.title = "How many 10-minute bins had how many alarms";
   table.columns = {{"robot", "", "Robot; all = as one operator sees them"},
-                   {"raises", "", "Raises in 10 minutes"},
-                   {"bins", "", "Bins with so many"}};
+                   integer_column("raises", "Raises in 10 minutes"),
+                   integer_column("bins", "Bins with so many")};
   for (const AlarmScope& scope : data.scopes) {
     std::map<std::int64_t, std::int64_t> histogram;
     for (const std::int64_t k : bin_counts(scope)) {

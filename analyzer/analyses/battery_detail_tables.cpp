@@ -22,7 +22,7 @@ void sessions_table(Section& section, const Robots& robots) {
                   {"to_80_min", "min", "From its start to 80 % SoC", false},
                   {"end_reason", "", "full, task, unplugged, alarm, emergency, gap, end of record, not known", false},
                   {"result", "", "charged, failed, interrupted", false},
-                  {"whole", "", "Seen from start to end without a gap", false},
+                  flag_column("whole", "Seen from start to end without a gap"),
                   {"station", "", "", false}},
                  true);
   for (const std::unique_ptr<RobotFold>& fold : robots) {

@@ -111,20 +111,20 @@ void throughput_table(Section& section, const Robots& robots) {
 }
 
 void trend_table(Section& section, const Robots& robots) {
-  DataTable t =
-      make_table("trends", "Trends of daily values",
-                 {kRobot,
-                  kPack,
-                  {"quantity", "", "Of each day", false},
-                  {"days", "", "Days that count", false},
-                  {"median", "", "Of the days", false},
-                  {"slope_30d", "", "Change per 30 days (Sen), 95 % limits widened for autocorrelation", true},
-                  {"verdict", "", "rising or falling when p < 0.05", false},
-                  {"p", "1", "Mann-Kendall, variance times f", false},
-                  {"f", "1", "Variance factor from the autocorrelation", false},
-                  {"p_plain", "1", "Mann-Kendall without correction", false},
-                  {"p_hamed_rao", "1", "Hamed and Rao 1998", false},
-                  {"remark", "", "", false}});
+  DataTable t = make_table("trends", "Trends of daily values",
+                           {kRobot,
+                            kPack,
+                            {"quantity", "", "Of each day", false},
+                            integer_column("days", "Days that count"),
+                            number_column("median", "Of the days"),
+                            {"slope_30d", "", "Change per 30 days (Sen), 95 % limits widened for autocorrelation", true,
+                             false, ColumnType::own_units},
+                            {"verdict", "", "rising or falling when p < 0.05", false},
+                            {"p", "1", "Mann-Kendall, variance times f", false},
+                            {"f", "1", "Variance factor from the autocorrelation", false},
+                            {"p_plain", "1", "Mann-Kendall without correction", false},
+                            {"p_hamed_rao", "1", "Hamed and Rao 1998", false},
+                            {"remark", "", "", false}});
   each_pack(robots, [&](const RobotFold& fold, const Pack& pack, std::int64_t number) {
     for (const Daily& daily :
          daily_series(pack.days.all(), pack.path.days(), pack.cycles.rung, fold.config.day_coverage)) {
@@ -168,9 +168,9 @@ void counter_table(Section& section, const Robots& robots) {
                            {kRobot,
                             kPack,
                             {"class", "", "What it counts", false},
-                            {"first", "", "", false},
-                            {"last", "", "", false},
-                            {"steps", "", "", false},
+                            number_column("first", ""),
+                            number_column("last", ""),
+                            integer_column("steps", ""),
                             {"efc", "1", "Our full cycles meanwhile", false},
                             {"efc_per_count", "1", "Slope over its steps; 1.0, 0.9 and 0.8 are normal", true},
                             {"sessions_per_count", "1", "Charge sessions per count", true}});
@@ -192,7 +192,7 @@ void fields_table(Section& section, const Robots& robots) {
                            {kRobot,
                             {"field", "", "", false},
                             {"source", "", "Used here", false},
-                            {"answers", "", "Of that source", false},
+                            integer_column("answers", "Of that source"),
                             {"given", "%", "With a usable value", false},
                             {"last_given", "", "", false, true},
                             {"remark", "", "", false}});

@@ -23,7 +23,7 @@ void add_detail_tables(Section& section, const Robots& robots);  // battery_deta
 
 inline const std::string kNominalMissing = "configure battery.nominal_capacity_ah";
 inline const ColumnSpec kRobot{"robot", "", "Robot", false};
-inline const ColumnSpec kPack{"pack", "", "Battery pack, counted from 1 by falls of battery_cycle", false};
+inline const ColumnSpec kPack = integer_column("pack", "Battery pack, counted from 1 by falls of battery_cycle");
 
 DataTable make_table(std::string name, std::string title, std::vector<ColumnSpec> columns, bool detail = false);
 /// NaN as a missing value.

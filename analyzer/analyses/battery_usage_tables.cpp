@@ -17,7 +17,7 @@ class MeasureTable {
       : table_(make_table(std::move(name), std::move(title),
                           {kRobot,
                            {"measure", "", "What", false},
-                           {"value", "", "With its unit", true},
+                           {"value", "", "With its unit", true, false, ColumnType::own_units},
                            {"remark", "", "How it is meant", false}})) {}
   void add(const RobotFold& fold, std::string measure, Quantity value, std::string remark = {}) {
     table_.rows.push_back({fold.robot.name, std::move(measure), std::move(value), std::move(remark)});

@@ -359,16 +359,17 @@ std::unique_ptr<Analysis> make(const RobotContext& context) { return std::make_u
 
 std::span<const SettingRow> settings() {
   static constexpr auto kRows = std::to_array<SettingRow>({
-      {"blockage.gap_periods", 3.0, "1", "A longer pause between polls, in periods, is a gap"},
+      {"blockage.gap_periods", 3.0, "1", "A longer pause between polls, in periods, is a gap", kFrom1},
       {"blockage.join_s", 2.0, "s", "Interruptions up to this long, same reason, do not end an episode"},
-      {"blockage.v_max_mps", 3.0, "m/s", "A pose that moved faster has jumped"},
-      {"blockage.accel_mps2", 1.0, "m/s2", "Acceleration allowed between two measured speeds before a pose has jumped"},
+      {"blockage.v_max_mps", 3.0, "m/s", "A pose that moved faster has jumped", kAbove0},
+      {"blockage.accel_mps2", 1.0, "m/s2", "Acceleration allowed between two measured speeds before a pose has jumped",
+       kAbove0},
       {"blockage.jump_m", 0.10, "m", "Allowance for localisation noise before a pose has jumped"},
-      {"blockage.stride_min_m", 0.05, "m", "Nearer poses are a stand, not a stride"},
-      {"blockage.coarse_above_m", 200.0, "m", "Sites with a longer side get cells of 0.5 m instead of 0.25 m"},
-      {"blockage.min_passes", 3.0, "", "Cells with fewer passes show no rate"},
-      {"blockage.lost_share_pass", 0.02, "1", "BLK-01 passes up to this share of task time lost"},
-      {"blockage.lost_share_fail", 0.05, "1", "BLK-01 fails above this share of task time lost"},
+      {"blockage.stride_min_m", 0.05, "m", "Nearer poses are a stand, not a stride", kAbove0},
+      {"blockage.coarse_above_m", 200.0, "m", "Sites with a longer side get cells of 0.5 m instead of 0.25 m", kAbove0},
+      {"blockage.min_passes", 3.0, "", "Cells with fewer passes show no rate", kFrom1},
+      {"blockage.lost_share_pass", 0.02, "1", "BLK-01 passes up to this share of task time lost", kShare},
+      {"blockage.lost_share_fail", 0.05, "1", "BLK-01 fails above this share of task time lost", kShare},
       {"blockage.typical_episode_s", 60.0, "s", "Length of an episode assumed for the upper limit when none was seen"},
   });
   return kRows;
@@ -376,6 +377,6 @@ std::span<const SettingRow> settings() {
 
 }  // namespace
 
-constinit const AnalysisSpec kBlockage{"blockage", kQuestion, needs, make, settings};
+constinit const AnalysisSpec kBlockage{"blockage", kQuestion, needs, make, settings, true};
 
 }  // namespace tacho

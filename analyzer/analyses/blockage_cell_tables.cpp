@@ -55,16 +55,16 @@ DataTable top_cells(const BlockageData& data) {
   table.columns = {{"map", "", "Map"},
                    {"x_m", "m", "Centre of the cell"},
                    {"y_m", "m", "Centre of the cell"},
-                   {"passes", "", "Entries of robots"},
-                   {"episodes", "", "Blocked episodes"},
+                   integer_column("passes", "Entries of robots"),
+                   integer_column("episodes", "Blocked episodes"),
                    {"rate", "1/pass", "Episodes per pass, Garwood limits", true},
                    {"theta", "1/pass", "The same, drawn towards the site's mean"},
                    {"times_mean", "1", "Rate over the site's mean rate"},
                    {"p_value", "1", "Probability of so many episodes at the site's mean rate (Poisson upper tail)"},
                    {"q_value", "1", "False discovery rate over all tested cells (Benjamini-Hochberg)"},
                    {"lost_s", "s", "Lost time"},
-                   {"lost_share", "1", "Of the site's lost time"},
-                   {"robots", "", "Robots that were blocked here"},
+                   {"lost_of_all_lost_pct", "%", "Lost time here over the site's lost time"},
+                   integer_column("robots", "Robots that were blocked here"),
                    {"reason", "", "Most frequent reason"}};
   std::vector<RankedCell> all;
   for (const Site& site : data.sites) {
@@ -83,12 +83,13 @@ DataTable top_cells(const BlockageData& data) {
     const auto reason = std::max_element(c.by_reason.begin(), c.by_reason.end(), [](const auto& a, const auto& b) {
       return a.second.episodes < b.second.episodes;
     });
-    table.rows.push_back({r.site->map, (static_cast<double>(r.at.second) + 0.5) * r.site->cell_m,
-                          (static_cast<double>(r.at.first) + 0.5) * r.site->cell_m, static_cast<std::int64_t>(c.passes),
-                          static_cast<std::int64_t>(c.episodes), cells::rate(c.episodes, c.passes, 1.0, "1/pass"),
-                          r.theta, c.episodes / c.passes / r.site_mean, r.p, r.q, c.lost_s,
-                          r.site->lost_s > 0.0 ? Value(c.lost_s / r.site->lost_s) : Value(Missing{"no time lost"}),
-                          static_cast<std::int64_t>(c.robots.size()), reason_name(reason->first)});
+    table.rows.push_back(
+        {r.site->map, (static_cast<double>(r.at.second) + 0.5) * r.site->cell_m,
+         (static_cast<double>(r.at.first) + 0.5) * r.site->cell_m, static_cast<std::int64_t>(c.passes),
+         static_cast<std::int64_t>(c.episodes), cells::rate(c.episodes, c.passes, 1.0, "1/pass"), r.theta,
+         c.episodes / c.passes / r.site_mean, r.p, r.q, c.lost_s,
+         r.site->lost_s > 0.0 ? Value(100.0 * c.lost_s / r.site->lost_s) : Value(Missing{"no time lost"}),
+         static_cast<std::int64_t>(c.robots.size()), reason_name(reason->first)});
   }
   return table;
 }
@@ -99,10 +100,10 @@ DataTable concentration(const BlockageData& data) {
   table.name = "concentration";
   table.title = "How concentrated the lost time is";
   table.columns = {{"map", "", "Map"},
-                   {"lost_share", "1", "This share of the lost time"},
-                   {"cells", "", "lies in so many cells"},
-                   {"cell_share", "1", "Of the visited cells"},
-                   {"visited_cells", "", "Cells a robot was in"}};
+                   {"lost_of_all_lost_pct", "%", "This share of the site's lost time"},
+                   integer_column("cells", "lies in so many cells"),
+                   {"cells_of_visited_pct", "%", "Those cells over the visited cells"},
+                   integer_column("visited_cells", "Cells a robot was in")};
   for (const Site& site : data.sites) {
     std::vector<double> lost;
     std::int64_t visited = 0;
@@ -124,7 +125,7 @@ DataTable concentration(const BlockageData& data) {
         ++count;
       }
       table.rows.push_back(
-          {site.map, share, count, static_cast<double>(count) / static_cast<double>(visited), visited});
+          {site.map, 100.0 * share, count, 100.0 * static_cast<double>(count) / static_cast<double>(visited), visited});
     }
   }
   return table;

@@ -49,14 +49,14 @@ DataTable by_robot(const BlockageData& data) {
                    {"observed", "h", "Time between polls of `blocked` without gaps"},
                    {"on_task", "h", "Of it with a running task"},
                    {"distance", "km", "Path between poses"},
-                   {"episodes", "", "Blocked episodes"},
-                   {"incidents", "", "Episodes within 10 min and 1 m of the one before count once"},
+                   integer_column("episodes", "Blocked episodes"),
+                   integer_column("incidents", "Episodes within 10 min and 1 m of the one before count once"),
                    {"per_hour", "1/h", "Episodes per observed hour", true},
                    {"per_km", "1/km", "Episodes per km", true},
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},
-                   {"lost_share", "%", "Of the time on task, see BLK-01"},
-                   {"slowed_episodes", "", "Slowed episodes"},
+                   {"lost_of_task_pct", "%", "Lost time over time on task, see BLK-01"},
+                   integer_column("slowed_episodes", "Slowed episodes"),
                    {"slowed_h", "h", "Observed time slowed"}};
   const std::vector<Finding> findings = blockage_findings(data);
   for (std::size_t r = 0; r < data.robots.size(); ++r) {
@@ -103,12 +103,12 @@ DataTable by_reason(const BlockageData& data) {
   table.name = "by_reason";
   table.title = "Blockage by reason";
   table.columns = {{"reason", "", "What saw the obstacle; of an episode the first that was given"},
-                   {"episodes", "", "Blocked episodes"},
+                   integer_column("episodes", "Blocked episodes"),
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},
-                   {"lost_share", "1", "Of all lost time"},
+                   {"lost_of_all_lost_pct", "%", "Lost time for this reason over all lost time"},
                    {"median_s", "s", "Median duration"},
-                   {"slowed_episodes", "", "Slowed episodes"},
+                   integer_column("slowed_episodes", "Slowed episodes"),
                    {"slowed_s", "s", "Sum of their durations"}};
   std::map<std::int64_t, EpisodeSum> reasons;
   double all_lost_s = 0.0;
@@ -128,7 +128,7 @@ DataTable by_reason(const BlockageData& data) {
     const auto slow = std::count_if(slowed.begin(), slowed.end(),
                                     [&](const Episode& e) { return e.reason.value_or(kNoReason) == key; });
     table.rows.push_back({reason_name(reason), sum.episodes, sum.blocked(), sum.lost(),
-                          all_lost_s > 0.0 ? Value(sum.lost_s / all_lost_s) : Value(Missing{"no time lost"}),
+                          all_lost_s > 0.0 ? Value(100.0 * sum.lost_s / all_lost_s) : Value(Missing{"no time lost"}),
                           sum.episodes > 0 ? Value(median(sum.durations)) : Value(Missing{"no episode"}),
                           static_cast<std::int64_t>(slow), slowed_s(slowed, reason)});
   }
@@ -140,7 +140,7 @@ DataTable by_class(const BlockageData& data) {
   table.name = "by_class";
   table.title = "Blockage by what the robot was about";
   table.columns = {{"class", "", "on_task: task running; off_task: none running or not known; manual: joystick active"},
-                   {"episodes", "", "Blocked episodes"},
+                   integer_column("episodes", "Blocked episodes"),
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true}};
   for (std::size_t c = 0; c < kEpisodeClasses; ++c) {
@@ -163,9 +163,9 @@ DataTable by_sensor(const BlockageData& data) {
   table.title = "Episodes by ultrasonic sensor and digital input";
   table.columns = {{"robot", "", "Robot"},
                    {"sensor", "", "Ultrasonic sensor or digital input"},
-                   {"id", "", "Its number"},
-                   {"episodes", "", "Blocked episodes"},
-                   {"places", "", "Different square metres in which they happened"},
+                   integer_column("id", "Its number"),
+                   integer_column("episodes", "Blocked episodes"),
+                   integer_column("places", "Different square metres in which they happened"),
                    {"lost_s", "s", "Lost time"}};
   struct Sums {
     std::int64_t episodes = 0;
@@ -259,10 +259,10 @@ DataTable episode_table(const BlockageData& data) {
                    {"map", "", "Map"},
                    {"station", "", "Station at first sight"},
                    {"task_type", "", "Task type at first sight"},
-                   {"ultrasonic_id", "", "Ultrasonic sensor"},
-                   {"di", "", "Digital input"},
-                   {"joined", "", "Further runs joined to the first"},
-                   {"gap", "", "Onset or end lies in a gap"}};
+                   integer_column("ultrasonic_id", "Ultrasonic sensor"),
+                   integer_column("di", "Digital input"),
+                   integer_column("joined", "Further runs joined to the first"),
+                   flag_column("gap", "Onset or end lies in a gap")};
   for (const Loss& loss : data.losses) {
     table.rows.push_back(episode_cells(data, loss));
   }

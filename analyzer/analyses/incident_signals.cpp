@@ -12,16 +12,17 @@ namespace {
 // Above noise of parked robots and below what a person calls a change (FIELD-FACTS: 1e-4 m/s while parked). A row holds
 // for the fields of its unit.
 constexpr auto kMaterial = std::to_array<SettingRow>({
-    {"incident.step_m", 0.05, "m", "Lengths and positions that move by less have not changed"},
-    {"incident.step_rad", 0.02, "rad", "Angles that turn by less have not changed"},
-    {"incident.step_mps", 0.02, "m/s", "Speeds that differ by less have not changed"},
-    {"incident.step_radps", 0.02, "rad/s", "Turning speeds that differ by less have not changed"},
-    {"incident.step_mps2", 0.5, "m/s2", "Accelerations that differ by less have not changed"},
-    {"incident.step_v", 0.2, "V", "Voltages that differ by less have not changed"},
-    {"incident.step_a", 0.5, "A", "Currents that differ by less have not changed"},
-    {"incident.step_degc", 1.0, "degC", "Temperatures that differ by less have not changed"},
-    {"incident.step_share", 0.02, "1", "Shares (state of charge, confidence) that differ by less have not changed"},
-    {"incident.step_percent", 2.0, "%", "Percents that differ by less have not changed"},
+    {"incident.step_m", 0.05, "m", "Lengths and positions that move by less have not changed", kAbove0},
+    {"incident.step_rad", 0.02, "rad", "Angles that turn by less have not changed", kAbove0},
+    {"incident.step_mps", 0.02, "m/s", "Speeds that differ by less have not changed", kAbove0},
+    {"incident.step_radps", 0.02, "rad/s", "Turning speeds that differ by less have not changed", kAbove0},
+    {"incident.step_mps2", 0.5, "m/s2", "Accelerations that differ by less have not changed", kAbove0},
+    {"incident.step_v", 0.2, "V", "Voltages that differ by less have not changed", kAbove0},
+    {"incident.step_a", 0.5, "A", "Currents that differ by less have not changed", kAbove0},
+    {"incident.step_degc", 1.0, "degC", "Temperatures that differ by less have not changed", kAbove0},
+    {"incident.step_share", 0.02, "1", "Shares (state of charge, confidence) that differ by less have not changed",
+     kAbove0},
+    {"incident.step_percent", 2.0, "%", "Percents that differ by less have not changed", kAbove0},
 });
 
 constexpr std::array<FieldIndex, kAlarmLevels> kAlarmArrays{field("fatals"), field("errors"), field("warnings"),

@@ -37,14 +37,14 @@ DataTable counter_table(const std::vector<RobotResult>& robots) {
   t.columns = {robot_column(),
                {"source", "", "where the counter was read"},
                {"period_s", "s", "median pause between answers"},
-               {"rows", "", "answers, without repeated ones"},
-               {"repeated", "", "answers with the uptime of the one before"},
+               integer_column("rows", "answers, without repeated ones"),
+               integer_column("repeated", "answers with the uptime of the one before"),
                {"counted_m", "m", "growth of the counter"},
                {"quantum_m", "m", "largest step of which all values are multiples"},
                {"kind", "", "decimal number, float32, ..."},
-               {"falls", "", "times the counter fell"},
-               {"jumps", "", "times it grew faster than the robot can drive"},
-               {"stuck", "", "times it stood while the speed says > 1 m"},
+               integer_column("falls", "times the counter fell"),
+               integer_column("jumps", "times it grew faster than the robot can drive"),
+               integer_column("stuck", "times it stood while the speed says > 1 m"),
                {"today_range_m", "m", "largest range of odo - today_odo in one day of the robot"},
                {"today_allowed_m", "m", "range that rounding explains"},
                {"robot_zone_h", "h", "the robot's midnight: its clock minus UTC"}};
@@ -94,20 +94,20 @@ DataTable scale_table(const std::vector<RobotResult>& robots) {
                {"source", "", "where counter and speed were read"},
                with_limits("g", "1", "counter metres per metre of measured speed"),
                {"u_g", "1", "usual standard uncertainty of one window"},
-               {"windows", "", "windows of at least 20 m"},
+               integer_column("windows", "windows of at least 20 m"),
                {"excluding_one", "1", "share of windows whose hard interval excludes 1"},
                {"speed_m", "m", "distance by speed"},
                with_limits("a", "1", "fit: counter metres per metre of speed"),
                with_limits("b_m_per_rad", "m/rad", "fit: counter metres per radian on the spot"),
                {"counts", "", "what the counter counts"},
                with_limits("s_o", "1", "metres of localised path per counter metre"),
-               {"strides", "", "strides behind s_o"},
+               integer_column("strides", "strides behind s_o"),
                {"path_counted_m", "m", "counter metres in them"},
                {"left_out_m", "m", "counter metres of strides left out"},
                {"arc_correction", "1", "share of the path added for arcs"},
                {"noise_correction", "1", "share of the path taken off for pose noise"},
                {"accel_bound_mps2", "m/s2", "acceleration bound used between polls"},
-               {"accel_raised", "", "intervals that needed a higher one"}};
+               integer_column("accel_raised", "intervals that needed a higher one")};
   for (const RobotResult& r : robots) {
     for (const SourceResult& s : r.sources) {
       const bool first = &s == &r.sources.front();
@@ -129,7 +129,7 @@ DataTable drift_table(const std::vector<RobotResult>& robots) {
   DataTable t{"drift", "Dead reckoning against localisation (A5), before calibration", {}, {}};
   t.columns = {robot_column(),
                {"length_m", "m", "counter distance of a pair"},
-               {"n", "", "pairs"},
+               integer_column("n", "pairs"),
                {"n_eff", "1", "independent stretches"},
                with_limits("rmse_pct", "%", "rms of |e| / L"),
                {"median_pct", "%", "median of |e| / L"},
@@ -160,11 +160,11 @@ DataTable law_table(const std::vector<RobotResult>& robots) {
   t.columns = {robot_column(),
                with_limits("sigma_p_mm", "mm", "pose noise per axis at standstill"),
                with_limits("sigma_theta_mrad", "mrad", "heading noise at standstill"),
-               {"still_runs", "", "standstills of at least 10 s"},
+               integer_column("still_runs", "standstills of at least 10 s"),
                {"still_h", "h", "their duration"},
-               {"frozen_runs", "", "standstills in which the pose was only repeated"},
+               integer_column("frozen_runs", "standstills in which the pose was only repeated"),
                with_limits("creep_mm", "mm", "median pose creep in a standstill; limits: 2.5 and 97.5 % of the runs"),
-               {"counting_runs", "", "standstills in which the counter moved by more than its quantum"},
+               integer_column("counting_runs", "standstills in which the counter moved by more than its quantum"),
                {"heading_walk", "rad/sqrt(m)", "sqrt q"},
                {"heading_bias", "rad/m", "|b|"},
                {"position_walk", "m/sqrt(m)", "beta"},
@@ -212,11 +212,11 @@ DataTable cross_table(const std::vector<RobotResult>& robots) {
   DataTable t{"json_modbus", "JSON against Modbus (A12)", {}, {}};
   t.columns = {robot_column(),
                {"quantity", "", "field compared"},
-               {"n", "", "comparisons"},
-               {"outside", "", "differences above the tolerance"},
-               {"mean_tolerance", "", "in the quantity's unit"},
-               {"worst", "", "difference furthest outside, or nearest to it"},
-               {"worst_allowed", "", "tolerance there"},
+               integer_column("n", "comparisons"),
+               integer_column("outside", "differences above the tolerance"),
+               number_column("mean_tolerance", "in the quantity's unit"),
+               number_column("worst", "difference furthest outside, or nearest to it"),
+               number_column("worst_allowed", "tolerance there"),
                {"unit", "", "of the last three"},
                {"worst_at", "", "host time, UTC", false, true}};
   for (const RobotResult& r : robots) {
@@ -240,7 +240,7 @@ DataTable segment_table(const std::vector<RobotResult>& robots) {
                to_column(),
                {"begins_with", "", "why a new segment starts"},
                {"meaning", "", "of the reason"},
-               {"rows", "", "answers"},
+               integer_column("rows", "answers"),
                {"driven_m", "m", "counter metres"}};
   for (const RobotResult& r : robots) {
     for (const Segment& s : r.segments) {
@@ -272,7 +272,7 @@ DataTable tag_table(const std::vector<RobotResult>& robots) {
   t.columns = {robot_column(),
                {"tag", "", ""},
                {"hours", "h", "time in it"},
-               {"rows", "", "answers in it"},
+               integer_column("rows", "answers in it"),
                {"meaning", "", ""}};
   for (const RobotResult& r : robots) {
     for (const TagTime& tag : r.tags) {
@@ -289,7 +289,7 @@ DataTable day_table(const std::vector<RobotResult>& robots) {
   t.columns = {robot_column(),
                {"day", "", "in the report's zone"},
                {"g", "1", "weighted median over the day"},
-               {"windows", "", "windows that ended on it"}};
+               integer_column("windows", "windows that ended on it")};
   for (const RobotResult& r : robots) {
     for (const SpeedDay& day : r.days) {
       if (r.sources.front().speed.g.value) {

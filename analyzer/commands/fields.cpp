@@ -48,7 +48,7 @@ Section fields() {
                    {"codes", "", "values of a code"},
                    {"condition", "", "flag; while it is false the field means nothing"},
                    {"not_supplied", "", "value that stands for: the robot does not supply this"},
-                   {"retired", "", "struck out in the vendor's document, still decoded"},
+                   flag_column("retired", "struck out in the vendor's document, still decoded"),
                    {"meaning", "", "meaning"}},
                   {},
                   false};
@@ -71,15 +71,16 @@ Section settings() {
   DataTable table{"settings",
                   "Settings",
                   {{"name", "", "table and key of the TOML file; [robot.NAME.TABLE] for one robot"},
-                   {"default", "", "value when it is not configured"},
+                   number_column("default", "value when it is not configured"),
                    {"unit", "", "unit"},
+                   {"allowed", "", "values that it can have"},
                    {"meaning", "", "meaning"}},
                   {},
                   false};
   for (const SettingRow& row : setting_rows()) {
     table.rows.push_back({std::string(row.name),
                           row.fallback ? Value(*row.fallback) : Value(Missing{"unknown unless configured"}),
-                          std::string(row.unit), std::string(row.meaning)});
+                          std::string(row.unit), row.allowed.text(), std::string(row.meaning)});
   }
   section.tables.push_back(std::move(table));
   return section;

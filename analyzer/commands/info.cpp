@@ -10,8 +10,8 @@ namespace tacho::commands {
 namespace {
 
 constexpr auto kSettings = std::to_array<SettingRow>({
-    {"info.stored_pass", 0.99, "1", "DATA-01 passes from this share of planned polls on"},
-    {"info.stored_fail", 0.90, "1", "DATA-01 fails below this share of planned polls"},
+    {"info.stored_pass", 0.99, "1", "DATA-01 passes from this share of planned polls on", kShare},
+    {"info.stored_fail", 0.90, "1", "DATA-01 fails below this share of planned polls", kShare},
 });
 
 const ColumnSpec kRobot{"robot", "", "robot"};
@@ -21,8 +21,9 @@ const ColumnSpec kSource{"source", "", "source"};
 struct Missed {
   std::map<Cause, std::uint64_t> polls;
   std::map<Cause, std::uint64_t> gaps;
+  std::map<Cause, Micros> length_us;
   std::uint64_t partial = 0;
-  Micros off_us = 0;
+  std::vector<std::pair<Micros, Micros>> off;  ///< while the recorder was not running
 
   [[nodiscard]] std::uint64_t total() const {
     std::uint64_t sum = 0;
@@ -46,8 +47,9 @@ MissedBySource read_gaps(RowSource& log, const std::vector<Robot>& robots) {
         }
         m.polls[gap.cause] += gap.seq_count;
         ++m.gaps[gap.cause];
+        m.length_us[gap.cause] += gap.t_to_us - gap.t_from_us;
         if (gap.cause == Cause::recorder_off) {
-          m.off_us += gap.t_to_us - gap.t_from_us;
+          m.off.emplace_back(gap.t_from_us, gap.t_to_us);
         }
       }
     });
@@ -79,10 +81,10 @@ std::vector<Coverage> coverage_of(const RowSource& log, const std::vector<Robot>
 DataTable parts_table(const store::LogReader& reader) {
   DataTable table{"parts",
                   "Parts",
-                  {{"number", "", "number of the part"},
+                  {integer_column("number", "number of the part"),
                    {"file", "", "file name"},
                    {"bytes", "B", "size of the file"},
-                   {"closed", "", "complete, never written again"},
+                   flag_column("closed", "complete, never written again"),
                    {"first", "", "first answer", false, true},
                    {"last", "", "last answer", false, true}},
                   {}};
@@ -97,10 +99,10 @@ DataTable parts_table(const store::LogReader& reader) {
 DataTable sessions_table(const RowSource& log) {
   DataTable table{"sessions",
                   "Sessions (starts of the recorder)",
-                  {{"session", "", "number"},
+                  {integer_column("session", "number"),
                    {"start", "", "start", false, true},
                    {"end", "", "end", false, true},
-                   {"clean", "", "ended as asked, not killed"},
+                   flag_column("clean", "ended as asked, not killed"),
                    {"software", "", "program and version"},
                    {"host", "", "host it ran on"}},
                   {}};
@@ -130,35 +132,83 @@ DataTable robots_table(const std::vector<Robot>& robots) {
   return table;
 }
 
-Value rate_of(const Coverage& c) {
-  if (c.stored < 2 || c.last_us <= c.first_us) {
-    return Missing{"fewer than two answers"};
+/// How much of [from, to) these stretches cover; where they overlap, once.
+Micros covered(std::vector<std::pair<Micros, Micros>> stretches, Micros from_us, Micros to_us) {
+  std::sort(stretches.begin(), stretches.end());
+  Micros sum = 0;
+  for (const auto& [begin, end] : stretches) {
+    from_us = std::max(from_us, begin);
+    const Micros until_us = std::min(end, to_us);
+    if (until_us > from_us) {
+      sum += until_us - from_us;
+      from_us = until_us;
+    }
   }
-  return static_cast<double>(c.stored - 1) / (static_cast<double>(c.last_us - c.first_us) / 1e6);
+  return sum;
 }
 
-DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
-  DataTable table{"sources",
-                  "Answers by source",
-                  {kRobot,
-                   kSource,
-                   {"planned", "", "polls the schedule asked for"},
-                   {"stored", "", "answers kept"},
-                   {"missed", "", "polls inside gap rows"},
-                   {"accounted", "", "stored + missed = planned"},
-                   {"partial", "", "answers of which some registers are missing"},
-                   {"undecodable", "", "answers kept that could not be decoded"},
-                   {"period_s", "s", "planned period"},
-                   {"rate", "Hz", "answers per second from the first to the last"},
-                   {"bytes", "B", "bodies as received"},
-                   {"first", "", "first answer", false, true},
-                   {"last", "", "last answer", false, true}},
-                  {}};
+Value rate_of(const Coverage& c, const MissedBySource& missed) {
+  const auto gaps = missed.find({c.robot, c.source});
+  const Micros off_us = gaps == missed.end() ? 0 : covered(gaps->second.off, c.first_us, c.last_us);
+  if (c.stored < 2 || c.last_us - c.first_us <= off_us) {
+    return Missing{"fewer than two answers"};
+  }
+  return static_cast<double>(c.stored - 1) / (static_cast<double>(c.last_us - c.first_us - off_us) / 1e6);
+}
+
+/// From the first answer to the last of any robot, and the part of it in which the recorder was off.
+std::string running_note(const RowSource& log, const std::vector<Coverage>& all, const MissedBySource& missed) {
+  Micros first_us = 0;
+  Micros last_us = 0;
+  for (const Coverage& c : all) {
+    if (c.stored > 0) {
+      first_us = first_us == 0 ? c.first_us : std::min(first_us, c.first_us);
+      last_us = std::max(last_us, c.last_us);
+    }
+  }
+  if (last_us <= first_us) {
+    return "";
+  }
+  std::vector<std::pair<Micros, Micros>> sessions;  // one that left out a robot was no time off
+  for (const Session& s : log.sessions()) {
+    sessions.emplace_back(s.t_start_us, s.t_end_us);
+  }
+  std::vector<std::pair<Micros, Micros>> either = sessions;
+  for (const auto& [key, m] : missed) {
+    either.insert(either.end(), m.off.begin(), m.off.end());
+  }
+  const Micros off_us = covered(std::move(either), first_us, last_us) - covered(std::move(sessions), first_us, last_us);
+  const double span_s = static_cast<double>(last_us - first_us) / 1e6;
+  const double off_s = static_cast<double>(off_us) / 1e6;
+  return fmt::format("the recorder was running for {:.4g} % of the {:.0f} s from the first answer to the last{}",
+                     100.0 * (1.0 - off_s / span_s), span_s,
+                     off_s > 0.0 ? fmt::format(", off for {:.0f} s", off_s) : "");
+}
+
+DataTable sources_table(const std::vector<Coverage>& all, const MissedBySource& missed,
+                        const std::vector<Robot>& robots) {
+  DataTable table{
+      "sources",
+      "Answers by source",
+      {kRobot,
+       kSource,
+       integer_column("planned", "polls the schedule asked for"),
+       integer_column("stored", "answers kept"),
+       integer_column("missed", "polls inside gap rows"),
+       flag_column("accounted", "stored + missed = planned"),
+       integer_column("partial", "answers of which some registers are missing"),
+       integer_column("undecodable", "answers kept that could not be decoded"),
+       {"period_s", "s", "planned period"},
+       {"rate", "Hz", "answers per second from the first to the last, without the time the recorder was off"},
+       {"bytes", "B", "bodies as received"},
+       {"first", "", "first answer", false, true},
+       {"last", "", "last answer", false, true}},
+      {}};
   for (const Coverage& c : all) {
     table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned),
                           count(c.stored), count(c.missed), c.stored + c.missed == c.planned, count(c.partial),
-                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c), count(c.bytes),
-                          time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
+                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c, missed),
+                          count(c.bytes), time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
                           time_or_missing(c.stored == 0 ? 0 : c.last_us, "no answer")});
   }
   return table;
@@ -170,15 +220,16 @@ DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& r
                   {kRobot,
                    kSource,
                    {"cause", "", "why there is no answer"},
-                   {"polls", "", "planned polls without an answer"},
-                   {"gaps", "", "gap rows"},
+                   integer_column("polls", "planned polls without an answer"),
+                   integer_column("gaps", "gap rows"),
+                   {"duration_s", "s", "length of the gap rows; of recorder_off the time nobody asked"},
                    {"meaning", "", "the cause in words"}},
                   {}};
   for (const auto& [key, m] : missed) {
     for (const auto& [cause, polls] : m.polls) {
       table.rows.push_back({robot_of(robots, key.first).name, std::string(source_name(key.second)),
                             std::string(cause_name(cause)), count(polls), count(m.gaps.at(cause)),
-                            std::string(cause_meaning(cause))});
+                            static_cast<double>(m.length_us.at(cause)) / 1e6, std::string(cause_meaning(cause))});
     }
   }
   return table;
@@ -237,16 +288,17 @@ std::string names_of(const FieldSet& fields) {
 }
 
 DataTable never_seen_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
-  DataTable table{"never_seen",
-                  "Fields never seen, and fields never seen with a value",
-                  {kRobot,
-                   kSource,
-                   {"seen", "", "fields seen at least once"},
-                   {"never", "", "fields that this source could give and never gave"},
-                   {"names", "", "their names"},
-                   {"without_value", "", "fields seen, but only as null, not supplied, not meaningful or unreadable"},
-                   {"names_without_value", "", "their names"}},
-                  {}};
+  DataTable table{
+      "never_seen",
+      "Fields never seen, and fields never seen with a value",
+      {kRobot,
+       kSource,
+       integer_column("seen", "fields seen at least once"),
+       integer_column("never", "fields that this source could give and never gave"),
+       {"names", "", "their names"},
+       integer_column("without_value", "fields seen, but only as null, not supplied, not meaningful or unreadable"),
+       {"names_without_value", "", "their names"}},
+      {}};
   for (const Coverage& c : all) {
     FieldSet never;
     for (std::size_t f = 0; f < kFieldCount; ++f) {
@@ -368,7 +420,7 @@ Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogR
   }
   section.tables.push_back(sessions_table(log));
   section.tables.push_back(robots_table(robots));
-  section.tables.push_back(sources_table(all, robots));
+  section.tables.push_back(sources_table(all, missed, robots));
   section.tables.push_back(missed_table(missed, robots));
   DataTable unknown = unknown_table(log, robots);
   const std::size_t unknown_keys = unknown.rows.size();
@@ -378,6 +430,9 @@ Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogR
   add_findings(section, log, all, unknown_keys);
   section.notes.push_back(
       fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
+  if (std::string running = running_note(log, all, missed); !running.empty()) {
+    section.notes.push_back(std::move(running));
+  }
   if (robots.empty()) {
     section.notes.push_back(
         "this log holds no robot: the recorder was started without one, or nothing was written yet");

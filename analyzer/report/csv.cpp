@@ -19,41 +19,23 @@ struct Layout {
   std::string type = "text";
 };
 
-std::string type_of(const Value& value) {
-  if (std::holds_alternative<bool>(value)) {
-    return "boolean";
-  }
-  if (std::holds_alternative<std::int64_t>(value)) {
-    return "integer";
-  }
-  return std::holds_alternative<double>(value) || std::holds_alternative<Quantity>(value) ? "number" : "text";
-}
-
-std::string common_type(const std::string& a, const std::string& b) {
-  if (a.empty() || a == b) {
-    return b;
-  }
-  const auto numeric = [](const std::string& type) { return type == "number" || type == "integer"; };
-  return numeric(a) && numeric(b) ? "number" : "text";
-}
-
-Layout layout_of(const DataTable& table, std::size_t column) {
-  const ColumnSpec& spec = table.columns[column];
-  Layout layout{spec.time, spec.interval, false, {}};
-  for (const std::vector<Value>& row : table.rows) {
-    const Value& value = row[column];
-    if (std::holds_alternative<Missing>(value)) {
-      continue;
-    }
-    layout.time = layout.time || std::holds_alternative<Time>(value);
-    if (const auto* q = std::get_if<Quantity>(&value)) {
-      layout.interval = layout.interval || q->lo || q->hi;
-      layout.unit = layout.unit || (!q->unit.empty() && spec.unit.empty());
-    }
-    layout.type = common_type(layout.type, type_of(value));
-  }
-  if (layout.type.empty()) {
-    layout.type = spec.interval || !spec.unit.empty() ? "number" : "text";
+/// From the declaration alone: files of two reports can be put together, whatever happened in their logs.
+Layout layout_of(const ColumnSpec& spec) {
+  Layout layout{spec.time, spec.interval, spec.type == ColumnType::own_units, "text"};
+  switch (spec.type) {
+    case ColumnType::plain:
+      layout.type = spec.interval || !spec.unit.empty() ? "number" : "text";
+      break;
+    case ColumnType::integer:
+      layout.type = "integer";
+      break;
+    case ColumnType::flag:
+      layout.type = "boolean";
+      break;
+    case ColumnType::number:
+    case ColumnType::own_units:
+      layout.type = "number";
+      break;
   }
   return layout;
 }
@@ -265,7 +247,7 @@ void CsvSchema::add(std::string_view file, const std::vector<CsvColumn>& columns
 std::vector<CsvColumn> csv_columns(const DataTable& table) {
   std::vector<CsvColumn> columns;
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
-    add_columns(columns, table.columns[i], layout_of(table, i));
+    add_columns(columns, table.columns[i], layout_of(table.columns[i]));
   }
   return columns;
 }
@@ -276,7 +258,7 @@ std::string csv_text(const DataTable& table) {
   write_header(csv, csv_columns(table));
   std::vector<Layout> layouts;
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
-    layouts.push_back(layout_of(table, i));
+    layouts.push_back(layout_of(table.columns[i]));
   }
   for (const std::vector<Value>& row : table.rows) {
     for (std::size_t i = 0; i < row.size(); ++i) {
@@ -294,11 +276,11 @@ DataTable findings_table(const Section& section) {
   table.columns = {{"id", "", "stable name of the check"},
                    {"robot", "", "robot; empty for the whole log"},
                    {"verdict", "", "PASS, WARN, FAIL, UNKNOWN or NA"},
-                   {"severity", "", "0 to 10"},
+                   integer_column("severity", "0 to 10"),
                    {"title", "", "what was checked"},
-                   {"value", "", "the number the verdict is about", true},
-                   {"n", "", "observations behind the value"},
-                   {"exposure", "", "hours, km or passes behind a rate"},
+                   {"value", "", "the number the verdict is about", true, false, ColumnType::own_units},
+                   integer_column("n", "observations behind the value"),
+                   number_column("exposure", "hours, km or passes behind a rate"),
                    {"threshold", "", "limits of the verdict"},
                    {"threshold_source", "", "where the limits come from"},
                    {"reason", "", "why there is no value"},

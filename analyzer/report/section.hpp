@@ -33,6 +33,15 @@ struct Missing {
 
 using Value = std::variant<Missing, bool, std::int64_t, double, std::string, Time, Quantity>;
 
+/// What the cells of a column hold. A file's columns and their types follow this, never the rows it happens to have.
+enum class ColumnType : std::uint8_t {
+  plain,     ///< a number when the column has a unit or an interval, else text
+  integer,   ///< a count or a number of something
+  flag,      ///< true or false
+  number,    ///< without a unit
+  own_units  ///< Quantities that bring a unit each: CSV has another column name_unit
+};
+
 struct ColumnSpec {
   std::string name;  ///< snake_case with the unit where the cell does not carry it: "duration_s"
   std::string unit;
@@ -42,7 +51,18 @@ struct ColumnSpec {
   /// Time columns print as name_utc, name_unix_ms in CSV, also where no row has a time: say so for every column that
   /// can hold one.
   bool time = false;
+  ColumnType type = ColumnType::plain;
 };
+
+inline ColumnSpec integer_column(std::string name, std::string description) {
+  return {std::move(name), "", std::move(description), false, false, ColumnType::integer};
+}
+inline ColumnSpec flag_column(std::string name, std::string description) {
+  return {std::move(name), "", std::move(description), false, false, ColumnType::flag};
+}
+inline ColumnSpec number_column(std::string name, std::string description) {
+  return {std::move(name), "", std::move(description), false, false, ColumnType::number};
+}
 
 struct DataTable {
   std::string name;  ///< file name stem: "episodes"

@@ -220,16 +220,21 @@ std::string terminal_text(const Section& section, const TerminalOptions& options
   for (const DataTable& table : section.tables) {
     out += table_text(table, options);
   }
-  std::string files;
+  std::string curves;
   for (const Series& series : section.series) {
     const std::string name = series.name + (series.robot.empty() ? "" : " of " + series.robot);
-    files += (files.empty() ? "" : ", ") + name;
+    curves += (curves.empty() ? "" : ", ") + name;
   }
+  std::string maps;
   for (const Grid& grid : section.grids) {
-    files += (files.empty() ? "" : ", ") + grid.name;
+    maps += (maps.empty() ? "" : ", ") + grid.name;
   }
-  if (!files.empty()) {
-    out += "\n" + wrapped("Curves and maps (--format csv, json or png with -o): " + one_line(files), 0);
+  out += curves.empty() && maps.empty() ? "" : "\n";
+  if (!curves.empty()) {
+    out += wrapped("Curves (--format csv or json with -o): " + one_line(curves), 0);
+  }
+  if (!maps.empty()) {
+    out += wrapped("Maps (--format csv, json or png with -o): " + one_line(maps), 0);
   }
   if (!section.notes.empty()) {
     out += "\nNotes\n";

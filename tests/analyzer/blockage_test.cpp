@@ -138,7 +138,7 @@ TEST_CASE("the places blocked most per pass are the hot spots, and lost time is 
   }
   const DataTable& lorenz = test::table(section, "concentration");
   REQUIRE(lorenz.rows.size() == 3);
-  CHECK(num(test::cell(lorenz, 0, "cell_share")) < 0.05);
+  CHECK(num(test::cell(lorenz, 0, "cells_of_visited_pct")) < 5.0);
   CHECK(num(test::cell(lorenz, 0, "cells")) <= num(test::cell(lorenz, 1, "cells")));
 }
 
@@ -158,6 +158,28 @@ TEST_CASE("lost time and its share agree with the simulated truth within their l
   CHECK(finding.value.lo.value() < finding.value.value.value());
   CHECK(finding.value.value.value() < finding.value.hi.value());
   CHECK_FALSE(finding.evidence.empty());
+}
+
+TEST_CASE("shares of lost time are percent everywhere, and the name says of what") {
+  test::SimulatedLog log(hot_hall(6), 2 * 3'600.0, {{Source::status, 1.0}});
+  const Section section = run(log);
+  for (const DataTable& table : section.tables) {
+    for (const ColumnSpec& column : table.columns) {
+      INFO(table.name << " " << column.name);
+      CHECK(column.name.find("share") == std::string::npos);
+      CHECK(column.name.ends_with("_pct") == (column.unit == "%"));
+    }
+  }
+  const DataTable& reasons = test::table(section, "by_reason");
+  double all = 0.0;
+  for (std::size_t r = 0; r < reasons.rows.size(); ++r) {
+    all += num(test::cell(reasons, r, "lost_of_all_lost_pct"));
+  }
+  CHECK(all == Approx(100.0));
+  CHECK(num(test::cell(test::table(section, "concentration"), 0, "lost_of_all_lost_pct")) == 50.0);
+  const auto& robots = test::table(section, "by_robot");
+  CHECK(num(test::cell(robots, 0, "lost_of_task_pct")) ==
+        Approx(test::finding(section, "BLK-01", "amr-6").value.value.value()));
 }
 
 TEST_CASE("how rows are cut into slices does not change a byte of the result") {

@@ -39,8 +39,8 @@ inline DataTable example_table() {
   table.title = "Episodes";
   table.columns = {{"start", "", "first answer", false, true},
                    {"robot", "", "robot"},
-                   {"loaded", "", "carried something"},
-                   {"polls", "", "answers"},
+                   flag_column("loaded", "carried something"),
+                   integer_column("polls", "answers"),
                    {"duration_s", "s", "length"},
                    {"rate", "1/h", "per observed hour", true}};
   table.rows = {

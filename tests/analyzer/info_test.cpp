@@ -53,3 +53,53 @@ TEST_CASE("95 % of the planned polls are a warning unless the site has said othe
   wired.set("a/info.stored_fail", 0.97, "site.toml:4");
   CHECK(stored_share(wired).verdict == Verdict::fail);
 }
+
+namespace {
+
+/// Recorded from 0 s to 41 s and from 90 s to 101 s.
+class RecordedTwice final : public MemoryLog {
+ public:
+  [[nodiscard]] std::vector<Session> sessions() const override {
+    std::vector<Session> out(2);
+    out[0].t_start_us = micros(0.0);
+    out[0].t_end_us = micros(41.0);
+    out[1].t_start_us = micros(90.0);
+    out[1].t_end_us = micros(101.0);
+    return out;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("time with the recorder off is counted in seconds, told in a note, and no part of the rate") {
+  RecordedTwice log;
+  const RobotId robot = log.add_robot("a");
+  for (int t = 0; t <= 100; ++t) {
+    if (t <= 40 || t >= 90) {
+      MemoryLog::set(log.row(robot, Source::status, t), "x", 1.0);
+    }
+  }
+  Gap off;
+  off.robot = robot;
+  off.source = Source::status;
+  off.t_from_us = MemoryLog::micros(41.0);
+  off.t_to_us = MemoryLog::micros(90.0);
+  off.cause = Cause::recorder_off;
+  log.gap(off);
+  const Section section = commands::info(log, log.robots(), nullptr, {});
+  const auto cell = [&](const char* table_name, const char* column) {
+    for (const DataTable& table : section.tables) {
+      for (std::size_t c = 0; table.name == table_name && c < table.columns.size(); ++c) {
+        if (table.columns[c].name == column) {
+          return std::get<double>(table.rows.at(0).at(c));
+        }
+      }
+    }
+    throw std::runtime_error("no such cell");
+  };
+  CHECK(cell("missed", "duration_s") == Approx(49.0));
+  CHECK(cell("sources", "rate") == Approx(1.0).epsilon(0.001));
+  CHECK(std::find(section.notes.begin(), section.notes.end(),
+                  "the recorder was running for 51 % of the 100 s from the first answer to the last, off for 49 s") !=
+        section.notes.end());
+}

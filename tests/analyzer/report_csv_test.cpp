@@ -216,10 +216,32 @@ TEST_CASE("curves of one name share a file, with the robot in a column and gaps 
 TEST_CASE("a column whose cells bring their own units gets a unit column") {
   DataTable table;
   table.name = "measures";
-  table.columns = {{"measure", "", "what"}, {"value", "", "how much"}};
+  table.columns = {{"measure", "", "what"}, {"value", "", "how much", false, false, ColumnType::own_units}};
   table.rows = {{std::string("length"), quantity(2.0, "m")}, {std::string("share"), unknown("no data")}};
   const Rows rows = parse(report::csv_text(table));
   CHECK(rows[0] == std::vector<std::string>{"measure", "value", "value_unit"});
   CHECK(rows[1] == std::vector<std::string>{"length", "2", "m"});
   CHECK(rows[2] == std::vector<std::string>{"share", "", ""});
+}
+
+TEST_CASE("columns and their types are the same whatever the rows hold") {
+  Section filled = example_section();
+  Section empty = example_section();
+  empty.findings = {finding("EXA-01", Verdict::unknown, 0, unknown("no data"))};
+  for (DataTable& table : empty.tables) {
+    table.rows.clear();
+  }
+  const std::vector<report::File> with = report::csv_files(filled);
+  const std::vector<report::File> without = report::csv_files(empty);
+  REQUIRE(with.size() == without.size());
+  for (std::size_t i = 0; i < with.size(); ++i) {
+    INFO(with[i].name);
+    CHECK(with[i].name == without[i].name);
+    CHECK(parse(with[i].bytes)[0] == parse(without[i].bytes)[0]);
+  }
+  CHECK(with.back().name == "schema.csv");
+  CHECK(with.back().bytes == without.back().bytes);
+  CHECK(with.back().bytes.find("findings.csv,value_unit,,text,") != std::string::npos);
+  CHECK(with.back().bytes.find("findings.csv,exposure,,number,") != std::string::npos);
+  CHECK(with.back().bytes.find("episodes.csv,loaded,,boolean,") != std::string::npos);
 }

@@ -19,7 +19,7 @@ report::Origin origin() {
   out.window.from_us = kExampleTime;
   out.robots = {"amb-01", "amb-02"};
   out.settings = {{"odometry.v_max_mps", quantity(2.0, "m/s"), "default"},
-                  {"battery.nominal_ah", unknown("not configured"), "not configured"}};
+                  {"battery.nominal_capacity_ah", unknown("not configured"), "not configured"}};
   return out;
 }
 

@@ -1,5 +1,8 @@
+#include "analyzer/analyses/incident.hpp"
 #include "analyzer/analysis.hpp"
+#include "analyzer/commands/fields.hpp"
 #include "analyzer/commands/info.hpp"
+#include "analyzer/report/csv.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/memory_log.hpp"
 
@@ -237,5 +240,56 @@ TEST_CASE("every column that holds times says so, so that a table without rows h
                            "battery_fields", "segments"}) {
     INFO(name);
     CHECK(std::find(filled.begin(), filled.end(), name) != filled.end());
+  }
+}
+
+TEST_CASE("every cell is of the type that its column says") {
+  const auto fits = [](const ColumnSpec& column, const Value& value) {
+    const auto* q = std::get_if<Quantity>(&value);
+    const bool integer = std::holds_alternative<std::int64_t>(value);
+    if (std::holds_alternative<Missing>(value)) {
+      return true;
+    }
+    if (q != nullptr && ((q->lo && !column.interval) ||
+                         (!q->unit.empty() && column.unit.empty() && column.type != ColumnType::own_units))) {
+      return false;
+    }
+    const bool number = integer || q != nullptr || std::holds_alternative<double>(value);
+    switch (column.type) {
+      case ColumnType::integer:
+        return integer;
+      case ColumnType::flag:
+        return std::holds_alternative<bool>(value);
+      case ColumnType::number:
+      case ColumnType::own_units:
+        return number;
+      case ColumnType::plain:
+        break;
+    }
+    if (column.time) {
+      return std::holds_alternative<Time>(value);
+    }
+    return column.interval || !column.unit.empty() ? number : std::holds_alternative<std::string>(value);
+  };
+  MemoryLog log = eventful_robot();
+  std::vector<Section> sections = run_analyses(analyses(), log, {}, {}, "UTC", {});
+  sections.push_back(commands::info(log, log.robots(), nullptr, {}));
+  sections.push_back(commands::fields());
+  sections.push_back(commands::settings());
+  IncidentQuery query;
+  query.at_us = MemoryLog::micros(12'000.0);
+  query.before_us = query.after_us = 600'000'000;
+  sections.push_back(incident(log, {}, query, {}));
+  for (const Section& section : sections) {
+    std::vector<DataTable> tables{report::findings_table(section), report::evidence_table(section)};
+    tables.insert(tables.end(), section.tables.begin(), section.tables.end());
+    for (const DataTable& table : tables) {
+      for (const std::vector<Value>& row : table.rows) {
+        for (std::size_t c = 0; c < row.size(); ++c) {
+          INFO(section.name << " " << table.name << " " << table.columns[c].name);
+          CHECK(fits(table.columns[c], row[c]));
+        }
+      }
+    }
   }
 }

@@ -92,6 +92,9 @@ TEST_CASE("an unknown key is refused with its place and the nearest name") {
   CHECK(message.find("did you mean '" + std::string(row.name) + "'") != std::string::npos);
   CHECK(refusal("nonsense = 3\n").find("config.toml:1") != std::string::npos);
   CHECK(refusal("[zzzzzzzzzz]\nqqqqqqqqqqqq = 3\n").find("no such setting") != std::string::npos);
+  CHECK(refusal("[battery]\nnominal_capacity = 3\n") ==
+        "config.toml:2: battery.nominal_capacity: no such setting; did you mean 'battery.nominal_capacity_ah'? "
+        "`tacho-analyzer settings` lists them");
 }
 
 TEST_CASE("what is no finite number, no table or no TOML is refused with its place") {
@@ -106,6 +109,22 @@ TEST_CASE("what is no finite number, no table or no TOML is refused with its pla
   CHECK(refusal("[robot]\nx = 3\n").find("config.toml:2") != std::string::npos);
   CHECK(refusal("a = \n").find("config.toml:1") != std::string::npos);
   CHECK_THROWS_AS(Settings::load("/nonexistent/config.toml"), Error);
+}
+
+TEST_CASE("a value that cannot be true is refused with its place, its unit and what is allowed") {
+  CHECK(refusal("[battery]\nnominal_capacity_ah = -4\n") ==
+        "config.toml:2: battery.nominal_capacity_ah: -4 Ah: allowed is above 0");
+  CHECK(refusal("[battery]\nlow_soc = 20\n") == "config.toml:2: battery.low_soc: 20: allowed is 0 to 1");
+  CHECK(refusal("[robot.a.alarms]\ngap_periods = 0.5\n") ==
+        "config.toml:2: alarms.gap_periods: 0.5: allowed is 1 or more");
+  CHECK(refusal("[battery]\ntemp_min_c = -20\n") == "accepted");
+}
+
+TEST_CASE("every default is inside the range of its setting") {
+  for (const SettingRow& row : setting_rows()) {
+    INFO(row.name << " " << row.allowed.text());
+    CHECK((!row.fallback || row.allowed.holds(*row.fallback)));
+  }
 }
 
 TEST_CASE("a value set by hand says where it came from") {

@@ -102,6 +102,16 @@ void record_body(const TempDir& dir, const std::string& body, const std::string&
 
 }  // namespace
 
+TEST_CASE("a recording that stored nothing fails and says why on its last line") {
+  TempDir dir;
+  const Outcome outcome = test::run(kRecorder, {"run", "--log", (dir / "log").string(), "--for", "2s", "--robot",
+                                                "amr1=127.0.0.1:1:1", "--sources", "status"});
+  INFO(outcome.err);
+  CHECK(outcome.code == 1);
+  CHECK(outcome.err.ends_with("nothing was recorded: nobody listens on the port\n"));
+  CHECK(outcome.out.find("connect_refused") != std::string::npos);
+}
+
 TEST_CASE("three robots at every source: each planned poll is stored or missed, also when a robot is switched off") {
   TempDir dir;
   const std::string log = (dir / "log").string();

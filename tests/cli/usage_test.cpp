@@ -74,12 +74,30 @@ TEST_CASE("what is no log is named with the cause and what to do, exit code 1") 
   }
 }
 
-TEST_CASE("a configuration with a mistake is refused with file and line") {
+TEST_CASE("only what draws maps offers png, and the others say what they have instead") {
+  TempDir dir;
+  for (const std::string name : {"odometry", "battery", "alarms"}) {
+    check_usage({name, log_of_three(), "--format", "png", "-o", (dir / "png").string()},
+                name + " has curves only; use --format csv -o DIR");
+    CHECK(analyze({name, "--help"}).out.find("png") == std::string::npos);
+  }
+  CHECK_FALSE(fs::exists(dir / "png"));
+  CHECK(analyze({"blockage", "--help"}).out.find("png") != std::string::npos);
+}
+
+TEST_CASE("a configuration with a mistake is wrong usage: exit code 2, with file and line") {
   TempDir dir;
   std::ofstream(dir / "site.toml") << "[odometry]\nv_maximum = 3\n";
-  const Outcome outcome = analyze({"odometry", log_of_three(), "--config", (dir / "site.toml").string()});
-  CHECK(outcome.code == 1);
-  CHECK(outcome.err.find("site.toml:2: odometry.v_maximum: no such setting") != std::string::npos);
+  const std::vector<std::string> command{"odometry", log_of_three(), "--config", (dir / "site.toml").string()};
+  check_usage(command, "site.toml:2: odometry.v_maximum: no such setting");
+  std::ofstream(dir / "site.toml") << "[odometry]\nv_max_mps = \"fast\"\n";
+  check_usage(command, "site.toml:2: odometry.v_max_mps: not a number");
+  std::ofstream(dir / "site.toml") << "[battery]\nnominal_capacity_ah = -4\n";
+  check_usage(command, "site.toml:2: battery.nominal_capacity_ah: -4 Ah: allowed is above 0\n");
+  std::ofstream(dir / "site.toml") << "[battery\n";
+  check_usage(command, "site.toml:1");
+  fs::remove(dir / "site.toml");
+  check_usage(command, "site.toml: No such file");
 }
 
 TEST_CASE("--fail-on turns findings into exit code 3, and the result is still printed") {

@@ -329,3 +329,17 @@ TEST_CASE("the status line and the summary show what happened") {
   const std::string text = summary_text({row});
   CHECK(text.find("timeout 2, overrun 1") != std::string::npos);
 }
+
+TEST_CASE("a recording without a single answer names the cause behind most missed polls") {
+  SourceSummary row;
+  row.robot = "amr-1";
+  row.planned = 12;
+  row.missed[static_cast<std::size_t>(Cause::connect_refused)] = 3;
+  row.missed[static_cast<std::size_t>(Cause::timeout)] = 1;
+  row.missed[static_cast<std::size_t>(Cause::backoff)] = 8;  // a consequence, not the cause
+  CHECK(nothing_recorded({row, row}) == "nothing was recorded: nobody listens on the port");
+  CHECK(nothing_recorded({}) == "nothing was recorded: it ended before the first poll");
+  SourceSummary other = row;
+  other.stored = 1;
+  CHECK(nothing_recorded({row, other}).empty());
+}

@@ -11,7 +11,7 @@
 
 namespace tacho::test {
 
-class MemoryLog final : public RowSource {
+class MemoryLog : public RowSource {
  public:
   /// Adds a robot; ids count from 1.
   RobotId add_robot(const std::string& name);
