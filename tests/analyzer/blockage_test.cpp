@@ -309,3 +309,24 @@ TEST_CASE("a share of lost time that slow polls blur asks for faster polls, one 
   CHECK(few.verdict == Verdict::unknown);
   CHECK(few.advice.find("record longer") != std::string::npos);
 }
+
+TEST_CASE("cells with fewer passes than a rate needs are on the map as such") {
+  test::SimulatedLog log(hot_hall(3), 3'600.0, {{Source::status, 1.0}});
+  const Section section = run(log);
+  REQUIRE(section.grids.size() == 1);
+  const auto layer = [&](std::string_view name) -> const GridLayer& {
+    const auto& layers = section.grids[0].layers;
+    const auto at = std::find_if(layers.begin(), layers.end(), [&](const GridLayer& l) { return l.name == name; });
+    REQUIRE(at != layers.end());
+    return *at;
+  };
+  CHECK(layer("too_few").title.starts_with("fewer than "));
+  std::size_t few = 0;
+  for (std::size_t k = 0; k < layer("rate").value.size(); ++k) {
+    const bool marked = std::isfinite(layer("too_few").value[k]);
+    few += marked ? 1U : 0U;
+    CHECK_FALSE((marked && std::isfinite(layer("rate").value[k])));
+    CHECK((marked || std::isfinite(layer("rate").value[k]) || !std::isfinite(layer("passes").value[k])));
+  }
+  CHECK(few > 0);
+}
