@@ -1,6 +1,7 @@
 // tacho-analyzer: answers from a log. Options are read here and nowhere else; the work is in commands/ and analyses/.
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <functional>
 
@@ -231,6 +232,13 @@ class Program {
     Job job = open_job(options_);  // checks the zone before a time is read in it
     query.at_us = time_option("--at", extra_.at, options_.zone);
     job.window = {query.at_us - query.before_us, query.at_us + query.after_us};
+    const std::vector<Session> sessions = job.log->sessions();
+    const bool recording = std::any_of(sessions.begin(), sessions.end(), [&](const Session& s) {
+      return s.t_start_us < job.window.to_us && s.t_end_us >= job.window.from_us;
+    });
+    if (!recording) {  // while it recorded, gaps alone can be the answer
+      require_answers(job, "--at " + extra_.at);
+    }
     options_.rows = 200;  // the time line is the answer
     return print(incident(*job.log, job.robot_ids(), query, job.settings), job);
   }

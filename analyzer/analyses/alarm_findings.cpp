@@ -6,6 +6,7 @@
 
 #include "analyzer/analyses/alarm_results.hpp"
 #include "analyzer/analyses/cells.hpp"
+#include "schema/row_source.hpp"
 
 namespace tacho {
 namespace {
@@ -54,14 +55,28 @@ std::string source_of(const AlarmData& data, const AlarmScope& scope) {
   return {};
 }
 
+/// First and last poll of the scope's robots.
+Window record_of(const AlarmData& data, const AlarmScope& scope) {
+  Window record{scope.end_us, scope.end_us};
+  for (const RobotAlarms& robot : data.robots) {
+    if (!robot.source.empty() && robot.exposure.polls > 0 && (scope.robot.empty() || robot.name == scope.robot)) {
+      record.from_us = std::min(record.from_us, robot.exposure.first_us);
+    }
+  }
+  return record;
+}
+
 Finding rate_band(const AlarmData& data, const AlarmScope& scope) {
   const double pass = data.settings.number("alarms.rate_pass_per_h", scope.robot);
   const double fail = data.settings.number("alarms.rate_fail_per_h", scope.robot);
   Finding f = finding(kRate, scope.robot, 5);
   f.title += scope.robot.empty() ? kOperator : "";
-  f.threshold =
-      fmt::format("PASS up to {:g} /h, FAIL above {:g} /h (ANSI/ISA-18.2-2016, per operator position)", pass, fail);
-  f.threshold_source = data.settings.sources({"alarms.rate_pass_per_h", "alarms.rate_fail_per_h"}, scope.robot);
+  f.threshold = fmt::format(
+      "PASS up to {:g} /h, FAIL above {:g} /h (ANSI/ISA-18.2-2016, per operator position); UNKNOWN below "
+      "{:g} h",
+      pass, fail, data.rules.min_hours);
+  f.threshold_source =
+      data.settings.sources({"alarms.rate_pass_per_h", "alarms.rate_fail_per_h", "alarms.min_hours"}, scope.robot);
   if (!(scope.hours > 0.0)) {
     unknown(f, "1/h", "no two polls with alarm arrays near each other", "record for at least an hour");
     return f;
@@ -70,13 +85,20 @@ Finding rate_band(const AlarmData& data, const AlarmScope& scope) {
   f.verdict = cells::judge_small(*f.value.lo, *f.value.hi, pass, fail);
   f.advice = "see by_code: usually a few codes make most of the alarms";
   undecided(f);
+  if (scope.hours < data.rules.min_hours - 1e-6) {  // a sum of seconds
+    f.verdict = Verdict::unknown;
+    f.value.reason = fmt::format("{:.2g} h observed, {:g} h needed", scope.hours, data.rules.min_hours);
+    f.advice = fmt::format("record for at least {:g} h", data.rules.min_hours);
+  }
   std::map<std::int64_t, int> bins;
   for (const Raise& raise : scope.raises) {
     ++bins[LocalTime::floor_div(raise.mid_us(), 600'000'000)];
   }
   const auto worst = std::max_element(bins.begin(), bins.end(), [](auto& a, auto& b) { return a.second < b.second; });
   if (worst != bins.end()) {
-    f.evidence.push_back({worst->first * 600'000'000, (worst->first + 1) * 600'000'000, source_of(data, scope),
+    const Window record = record_of(data, scope);
+    f.evidence.push_back({std::max(record.from_us, worst->first * 600'000'000),
+                          std::min(record.to_us, (worst->first + 1) * 600'000'000), source_of(data, scope),
                           fmt::format("most in 10 minutes: {}", worst->second)});
   }
   return f;
@@ -145,18 +167,23 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
   // Between two raises lies at least one poll without the alarm; twice as many are needed to see most of them.
   const double period_s = static_cast<double>(robot.period_us) * 1e-6;
   const double fastest_s = 2.0 * period_s * static_cast<double>(data.rules.chatter.raises - 1);
+  const double window_s = static_cast<double>(data.rules.chatter.window_us) * 1e-6;
   const double hours = robot.exposure.observed_s / 3'600.0;
   if (sure >= fail) {
     f.verdict = Verdict::fail;
   } else if (sure > 0) {
     f.verdict = Verdict::warn;
-  } else if (hours < data.rules.min_hours ||
-             2.0 * fastest_s > static_cast<double>(data.rules.chatter.window_us) * 1e-6) {
-    unknown(f, "",
-            hours < data.rules.min_hours
-                ? fmt::format("{:.2g} h observed, {:g} h needed", hours, data.rules.min_hours)
-                : fmt::format("at a period of {:g} s most raises of a chattering code are not seen", period_s),
-            "record longer or poll faster");
+  } else if (const bool slow = 2.0 * fastest_s > window_s; slow || hours < data.rules.min_hours) {
+    const std::string poll = fmt::format("poll {} at least every {:.2g} s", robot.source,
+                                         window_s * period_s / (2.0 * std::max(fastest_s, 1e-9)));
+    const std::string record = fmt::format("record for at least {:g} h", data.rules.min_hours);
+    if (hours < data.rules.min_hours) {
+      unknown(f, "", fmt::format("{:.2g} h observed, {:g} h needed", hours, data.rules.min_hours),
+              slow ? record + ", and " + poll : record);
+    } else {
+      unknown(f, "", fmt::format("at a period of {:g} s most raises of a chattering code are not seen", period_s),
+              poll);
+    }
     return f;
   } else {
     f.verdict = possible > 0 ? Verdict::warn : Verdict::pass;

@@ -374,7 +374,7 @@ std::span<const SettingRow> settings() {
       {"alarms.fleeting_s", 10.0, "s", "A shorter alarm is fleeting", kAbove0},
       {"alarms.stale_h", 24.0, "h", "An alarm active for longer is stale", kAbove0},
       {"alarms.stale_pass", 5.0, "", "ALM-04 passes with fewer stale alarms than this on any day"},
-      {"alarms.min_hours", 1.0, "h", "Checks for chattering need at least so many observed hours"},
+      {"alarms.min_hours", 1.0, "h", "The alarm rate and checks for chattering need at least so many observed hours"},
   });
   return kRows;
 }

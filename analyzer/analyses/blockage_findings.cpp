@@ -51,6 +51,28 @@ Quantity share(const LostSum& sum, double exposure_s, double typical_s) {
   return q;
 }
 
+/// What would make the interval narrower: its width comes from the number of episodes, or from the polls their ends lie
+/// between. More hours help against the first only.
+std::string how_to_narrow(const LostSum& sum, const BlockageData& data, std::optional<std::size_t> robot) {
+  const math::Limits limits = sum.mid_s > 0.0 ? math::scaled_limits(sum.mid_s, sum.squares) : math::Limits{};
+  if (sum.mid_s <= 0.0 || sum.hi_s - sum.lo_s <= limits.hi - limits.lo) {
+    return "record longer";
+  }
+  Micros period_us = 0;
+  std::string source;
+  for (std::size_t r = 0; r < data.robots.size(); ++r) {
+    if ((!robot || *robot == r) && data.robots[r].period_us > period_us) {
+      period_us = data.robots[r].period_us;
+      source = data.robots[r].source;
+    }
+  }
+  const double period_s = static_cast<double>(period_us) * 1e-6;
+  return period_us > 1'000'000
+             ? fmt::format("poll {} at 1 Hz: at a period of {:g} s the ends of episodes are not known", source,
+                           period_s)
+             : fmt::format("poll {} faster than every {:g} s: episodes are about as short", source, period_s);
+}
+
 void unknown(Finding& f, const std::string& reason, const std::string& advice) {
   f.verdict = Verdict::unknown;
   f.value = cells::missing("%", reason);
@@ -88,8 +110,9 @@ Finding lost_share(const BlockageData& data, std::optional<std::size_t> robot) {
   const LostSum sum = lost(data, robot);
   f.value = share(sum, exposure_s, data.settings.number("blockage.typical_episode_s", name));
   f.verdict = cells::judge_small(*f.value.lo, *f.value.hi, 100 * pass, 100 * fail);
-  f.advice = f.verdict == Verdict::unknown ? "the interval is wider than the PASS band: record longer"
-                                           : "see top_cells and the map of lost time for the places";
+  f.advice = f.verdict == Verdict::unknown
+                 ? "the interval is wider than the PASS band: " + how_to_narrow(sum, data, robot)
+                 : "see top_cells and the map of lost time for the places";
   for (std::size_t i = 0; i < std::min(kEvidence, sum.episodes.size()); ++i) {
     const Episode& e = *sum.episodes[i]->episode;
     f.evidence.push_back(

@@ -139,6 +139,9 @@ void add_rate_layers(GridMaker& maker, const Site& site, double min_passes) {
   });
   maker.layer("theta", "Episodes per pass, drawn towards the mean of the site", "1/pass",
               [&](const SiteCell& c) { return nan_unless(c.passes >= min_passes, shrink.rate(c.episodes, c.passes)); });
+  maker.layer("too_few", fmt::format("fewer than {:g} passes", min_passes), "1", [&](const SiteCell& c) {
+    return nan_unless((c.passes > 0 || c.episodes > 0) && c.passes < min_passes, 1.0);
+  });
   maker.layer("opacity", "Weight of the cell's own data in theta", "1",
               [&](const SiteCell& c) { return nan_unless(c.passes >= min_passes, shrink.weight(c.passes)); });
 }

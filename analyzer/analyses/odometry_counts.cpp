@@ -119,15 +119,25 @@ CountsResult find_what_it_counts(const Track& track, const Accelerations& accele
   BootstrapOptions options;
   options.block = 6;
   options.draws = static_cast<int>(config.draws);
+  const std::string too_few = too_few_to_draw(windows.counted.size(), options.block);
+  if (!too_few.empty()) {
+    r.a.value = fit.coefficients(0);
+    r.b.value = fit.coefficients(1);
+    r.a.reason = r.b.reason = too_few;
+    r.verdict = "unknown: " + too_few;
+    return r;
+  }
   const PairLimits limits = bootstrap_two_slopes(windows.counted, windows.driven, windows.turned, options);
   const double at_stop = accelerations.linear * track.period_s() * track.period_s() / 6.0;
   const double per_window = at_stop / (effects.col(0).mean() + 1e-9);
   r.a.value = fit.coefficients(0);
-  r.a.lo = limits.a.lo - per_window;
-  r.a.hi = limits.a.hi + per_window;
+  const Limits a = around(*r.a.value, limits.a);
+  r.a.lo = a.lo - per_window;
+  r.a.hi = a.hi + per_window;
   r.b.value = fit.coefficients(1);
-  r.b.lo = limits.b.lo - at_stop;
-  r.b.hi = limits.b.hi + at_stop;
+  const Limits b = around(*r.b.value, limits.b);
+  r.b.lo = b.lo - at_stop;
+  r.b.hi = b.hi + at_stop;
   describe(r, config);
   return r;
 }

@@ -289,8 +289,8 @@ CrossResult CrossFold::finish(const StandstillResult& still) {
     r.reason = r.share.reason = "no register row between two status rows: nothing to compare";
   } else {
     const double n = static_cast<double>(r.n);
-    const Limits limits = wilson(static_cast<double>(r.outside), n);
     r.share.value = static_cast<double>(r.outside) / n;
+    const Limits limits = around(*r.share.value, wilson(static_cast<double>(r.outside), n));
     r.share.lo = limits.lo;
     r.share.hi = limits.hi;
   }
@@ -303,8 +303,12 @@ CrossResult CrossFold::finish(const StandstillResult& still) {
   BootstrapOptions options;
   options.block = 30;
   options.draws = lag.size() > 20'000 ? 99 : static_cast<int>(config_.draws);
-  const Limits limits = bootstrap_weighted_median(lag, weight, options);
   r.lag_s.value = weighted_median(lag, weight);
+  r.lag_s.reason = too_few_to_draw(lag.size(), options.block);
+  if (!r.lag_s.reason.empty()) {
+    return r;
+  }
+  const Limits limits = around(*r.lag_s.value, bootstrap_weighted_median(lag, weight, options));
   r.lag_s.lo = limits.lo;
   r.lag_s.hi = limits.hi;
   return r;

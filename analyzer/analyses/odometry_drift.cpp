@@ -152,6 +152,7 @@ class Length {
     options.draws = static_cast<int>(config.draws);
     std::vector<double> counts;
     std::vector<double> sums;
+    const std::string too_few = too_few_to_draw(units_.size(), options.block);
     const auto limits = [&](double Unit::*member) {
       sums.clear();
       counts.clear();
@@ -161,7 +162,11 @@ class Length {
       }
       return bootstrap_ratio(sums, counts, options);
     };
-    const auto quantity = [&](double mean, const Limits& l, double scale, const char* unit) {
+    const auto quantity = [&](double mean, const Limits& drawn, double scale, const char* unit) {
+      if (!too_few.empty()) {
+        return Quantity{scale * mean, unit, {}, {}, r.n, {}, too_few};
+      }
+      const Limits l = around(mean, drawn);
       return Quantity{scale * mean, unit, scale * l.lo, scale * l.hi, r.n, {}, ""};
     };
     const auto rooted = [](Limits l) { return Limits{std::sqrt(l.lo), std::sqrt(l.hi)}; };
@@ -252,6 +257,16 @@ std::string why_not(const Track& track, const Config& config) {
 
 }  // namespace
 
+Quantity scaled(Quantity q, double factor, const char* unit) {
+  for (std::optional<double>* part : {&q.value, &q.lo, &q.hi}) {
+    if (*part) {
+      **part *= factor;
+    }
+  }
+  q.unit = unit;
+  return q;
+}
+
 DriftResult measure_drift(const Track& track, const JumpResult& jumps, const Accelerations& accelerations,
                           const StandstillResult& still, const Config& config) {
   DriftResult r;
@@ -277,8 +292,8 @@ DriftResult measure_drift(const Track& track, const JumpResult& jumps, const Acc
     const DriftRow& row = r.rows.back();
     if (row.length_m == 10.0 && row.turn_deg_per_m.value) {
       const Quantity& q = row.turn_deg_per_m;
-      r.turn_at_10m_deg = {
-          10.0 * *q.value, "deg", 10.0 * *q.lo, 10.0 * *q.hi, static_cast<std::int64_t>(row.n_eff), {}, ""};
+      r.turn_at_10m_deg = scaled(q, 10.0, "deg");
+      r.turn_at_10m_deg.n = static_cast<std::int64_t>(row.n_eff);
     }
   }
   if (r.reason.empty() && r.rows.front().n == 0) {

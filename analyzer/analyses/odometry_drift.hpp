@@ -67,6 +67,9 @@ struct DriftResult {
   std::vector<SegmentError> segments;  ///< of stretches of at least 10 m
 };
 
+/// A quantity in another unit.
+Quantity scaled(Quantity q, double factor, const char* unit);
+
 DriftResult measure_drift(const Track& track, const JumpResult& jumps, const Accelerations& accelerations,
                           const StandstillResult& still, const Config& config);
 

@@ -47,7 +47,10 @@ Quantity raw_at_10m(const DriftResult& drift, double sigma_p, double sigma_theta
       const double rms_m = pct / 100.0 * row.length_m;
       return 100.0 * std::sqrt(std::max(0.0, rms_m * rms_m - noise)) / row.length_m;
     };
-    q = {figure(*row.rmse_pct.value), "%", figure(*row.rmse_pct.lo), figure(*row.rmse_pct.hi), row.n, {}, ""};
+    q = row.rmse_pct;
+    for (std::optional<double>* part : {&q.value, &q.lo, &q.hi}) {
+      *part = *part ? std::optional(figure(**part)) : std::nullopt;
+    }
   }
   if (!q.value) {
     q.reason = "no stretch of 10 m";

@@ -64,6 +64,10 @@ void judge_scale(Finding& f, double driven_m, const Config& config, double fail,
     f = unknown(f, fmt::format("{:.3g} m driven, {:.3g} m needed", driven_m, config.driven_min_m), kDriveMore);
     return;
   }
+  if (!f.value.lo || !f.value.hi) {
+    f = unknown(f, f.value.reason, kDriveMore);
+    return;
+  }
   f.verdict = judge(*f.value.lo - 1.0, *f.value.hi - 1.0, config.scale_pass, fail);
   if (f.verdict == Verdict::unknown) {
     f.value.reason = "the interval is wider than the PASS band";
@@ -171,6 +175,9 @@ Finding heading_drift(const RobotResult& r) {
   if (static_cast<double>(f.value.n.value_or(0)) < c.drift_n_min) {
     return unknown(f, fmt::format("{} independent stretches of 10 m, {:.3g} needed", *f.value.n, c.drift_n_min),
                    kDriveMore);
+  }
+  if (!f.value.lo || !f.value.hi) {
+    return unknown(f, f.value.reason, kDriveMore);
   }
   f.verdict = judge(*f.value.lo, *f.value.hi, c.drift_pass_deg, c.drift_fail_deg);
   if (f.verdict == Verdict::unknown) {

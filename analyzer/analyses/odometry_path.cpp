@@ -100,13 +100,16 @@ class Strider {
     options.draws = static_cast<int>(config_.draws);
     const double unit = r.counted_m / static_cast<double>(paths_.size());
     options.block = static_cast<std::size_t>(std::max(1.0, std::ceil(kBlock_m / unit)));
-    const Limits boot = bootstrap_ratio(paths_, counts_, options);
+    r.s_o.reason = too_few_to_draw(paths_.size(), options.block);
+    const Limits boot = around(value, bootstrap_ratio(paths_, counts_, options));
     const double chain = 2.0 * sigma2_ + quantum_m * quantum_m / 6.0;
     const double half = 1.96 * std::sqrt(static_cast<double>(r.chains) * chain) / r.counted_m;
     const double doubt = config_.correction_doubt * (r.arc_correction + r.noise_correction) / r.counted_m;
     r.s_o.value = value;
-    r.s_o.lo = std::min(boot.lo, value - half) - doubt;
-    r.s_o.hi = std::max(boot.hi, value + half) + doubt;
+    if (r.s_o.reason.empty()) {
+      r.s_o.lo = std::min(boot.lo, value - half) - doubt;
+      r.s_o.hi = std::max(boot.hi, value + half) + doubt;
+    }
     r.arc_correction /= r.path_m;
     r.noise_correction /= r.path_m;
     return std::move(result_);

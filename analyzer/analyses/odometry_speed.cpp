@@ -169,7 +169,8 @@ void summarise(SpeedResult& r, const Config& config, double quantum_m, double pe
   }
   const auto n = static_cast<std::int64_t>(g.size());
   const double value = weighted_median(g, weight);
-  const Limits boot = bootstrap_weighted_median(g, weight, bootstrap_options(config, 2));
+  const BootstrapOptions options = bootstrap_options(config, 2);
+  const Limits boot = around(value, bootstrap_weighted_median(g, weight, options));
   const double half = 1.96 * std::sqrt(spread) / total;
   const double doubt = per_radian_doubt * pivots / r.driven_m;
   r.g = {value,
@@ -178,7 +179,10 @@ void summarise(SpeedResult& r, const Config& config, double quantum_m, double pe
          std::max(boot.hi, value + half) + doubt,
          n,
          r.driven_m / 1000.0,
-         ""};
+         too_few_to_draw(g.size(), options.block)};
+  if (!r.g.reason.empty()) {
+    r.g.lo = r.g.hi = std::nullopt;
+  }
   r.u = {median(u), "1", {}, {}, n, {}, ""};
   r.excluding_one = {excluding / static_cast<double>(n), "1", {}, {}, n, {}, ""};
   if (value < 0.05 || std::abs(value - 1.5625) < 0.03) {

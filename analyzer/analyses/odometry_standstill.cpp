@@ -136,8 +136,11 @@ StandstillResult StandstillFold::finish(double quantum_m) {
     r.creep_m.reason = "no standstill of at least 10 s";
   } else {
     r.creep_m.value = median(creeps);
-    r.creep_m.lo = quantile(creeps, 0.025);
-    r.creep_m.hi = quantile(creeps, 0.975);
+    r.creep_m.reason = creeps.size() == 1 ? "no interval: one standstill only" : "";
+    if (creeps.size() > 1) {
+      r.creep_m.lo = quantile(creeps, 0.025);
+      r.creep_m.hi = quantile(creeps, 0.975);
+    }
   }
   return r;
 }

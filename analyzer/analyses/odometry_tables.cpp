@@ -16,16 +16,6 @@ Value number_or(std::optional<double> value, const std::string& reason) {
 }
 Value count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
 std::string name_of(const SourceResult& s) { return std::string(source_name(s.source)); }
-/// A quantity in another unit.
-Quantity scaled(Quantity q, double factor, const char* unit) {
-  for (std::optional<double>* part : {&q.value, &q.lo, &q.hi}) {
-    if (*part) {
-      **part *= factor;
-    }
-  }
-  q.unit = unit;
-  return q;
-}
 
 ColumnSpec robot_column() { return {"robot", "", "name of the robot"}; }
 ColumnSpec from_column() { return {"from", "", "host time, UTC", false, true}; }
@@ -144,7 +134,7 @@ DataTable drift_table(const std::vector<RobotResult>& robots) {
       const std::string why = r.drift.reason.empty() ? d.rmse_pct.reason : r.drift.reason;
       const auto given = [&](double v) { return d.n > 0 ? Value{v} : Value{Missing{why}}; };
       const auto quantity = [&](Quantity q) {
-        q.reason = q.value ? "" : why;
+        q.reason = q.value ? q.reason : why;
         return q;
       };
       t.rows.push_back({r.robot, d.length_m, d.n, d.n_eff, quantity(d.rmse_pct), given(d.median_pct), given(d.p95_pct),
@@ -354,8 +344,17 @@ std::vector<std::string> make_notes(const RobotResult& r) {
                                 r.g_trend->p));
   }
   if (r.cross.lag_s.value) {
-    notes.push_back(fmt::format("{}: the registers are {:.0f} ms [{:.0f}, {:.0f}] behind the status answers", r.robot,
-                                1e3 * *r.cross.lag_s.value, 1e3 * *r.cross.lag_s.lo, 1e3 * *r.cross.lag_s.hi));
+    const Quantity& lag = r.cross.lag_s;
+    const std::string limits =
+        lag.lo && lag.hi ? fmt::format("[{:.0f}, {:.0f}]", 1e3 * *lag.lo, 1e3 * *lag.hi) : "(" + lag.reason + ")";
+    notes.push_back(
+        fmt::format("{}: the registers are {:.0f} ms {} behind the status answers", r.robot, 1e3 * *lag.value, limits));
+  }
+  for (const DriftRow& d : r.drift.rows) {
+    if (d.rmse_pct.value && !d.rmse_pct.reason.empty()) {
+      notes.push_back(fmt::format("{}: drift from {:.0f} m on: {}", r.robot, d.length_m, d.rmse_pct.reason));
+      break;
+    }
   }
   return notes;
 }

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 
 #include "analyzer/commands/progress.hpp"
 #include "analyzer/report/csv.hpp"
@@ -181,10 +182,40 @@ Job open_job(const Options& options) {
   job.reader = dynamic_cast<const store::LogReader*>(job.log.get());
   job.robots = choose_robots(*job.log, options.robots);
   warn_about_settings(job.settings, *job.log);
+  if (!options.from.empty() || !options.to.empty()) {
+    require_answers(job, options.to.empty() ? "--from" : options.from.empty() ? "--to" : "--from/--to");
+  }
   if (isatty(STDERR_FILENO) == 1) {
     job.log = std::make_unique<ProgressLog>(std::move(job.log), job.robots, job.window);
   }
   return job;
+}
+
+void require_answers(const Job& job, const std::string& what) {
+  std::optional<Window> covered;
+  for (const Coverage& c : job.log->coverage()) {
+    const bool chosen =
+        std::any_of(job.robots.begin(), job.robots.end(), [&](const Robot& r) { return r.id == c.robot; });
+    if (c.stored == 0 || !chosen) {
+      continue;
+    }
+    if (c.last_us >= job.window.from_us && c.first_us < job.window.to_us) {
+      return;
+    }
+    covered = covered ? Window{std::min(covered->from_us, c.first_us), std::max(covered->to_us, c.last_us)}
+                      : Window{c.first_us, c.last_us};
+  }
+  if (!covered) {
+    return;
+  }
+  const auto text = [&](Micros t_us) { return iso_zone(t_us, job.options.zone); };
+  const Window open;
+  const std::string asked = job.window.to_us == open.to_us ? "from " + text(job.window.from_us) + " on"
+                            : job.window.from_us == open.from_us
+                                ? "before " + text(job.window.to_us)
+                                : "between " + text(job.window.from_us) + " and " + text(job.window.to_us);
+  throw UsageError(what + ": no answer " + asked + (job.options.robots.empty() ? "" : " of the chosen robots") +
+                   "; the log covers " + text(covered->from_us) + " to " + text(covered->to_us));
 }
 
 int emit(const Section& section, const report::Origin& origin, const Options& options) {

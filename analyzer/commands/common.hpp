@@ -56,8 +56,13 @@ struct Job {
   [[nodiscard]] report::Origin origin() const;
 };
 
-/// Throws UsageError (unknown robot with "did you mean", times, zone) or Error (log, configuration).
+/// Throws UsageError (unknown robot with "did you mean", times, zone, a period outside the log) or Error (log,
+/// configuration).
 Job open_job(const Options& options);
+
+/// Throws UsageError when no stored answer of the chosen robots lies in the window: "nothing there" would else look
+/// like a result. `what`: the option that asked for it. A log without any answer says so in its results.
+void require_answers(const Job& job, const std::string& what);
 
 /// Names on standard error what was damaged or foreign in what has been read so far; returns how many. For after
 /// reading.

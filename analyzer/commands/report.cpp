@@ -53,7 +53,14 @@ int report_all(Job& job) {
   }
   sections.insert(sections.begin(), info(*job.log, job.robots, job.reader, job.settings));
   if (!job.options.from.empty() || !job.options.to.empty()) {
-    sections.front().notes.push_back("This section is about the whole log, not about the period asked for.");
+    Section& whole = sections.front();
+    whole.title += " (the whole log, not only the period asked for)";
+    whole.notes.insert(
+        whole.notes.begin(),
+        "Every figure and verdict of this section is about the whole log, not about the period asked for.");
+    for (Finding& finding : whole.findings) {
+      finding.title += " (whole log)";
+    }
   }
   tell_problems(*job.log);
   report::Manifest manifest = manifest_of(job);

@@ -39,6 +39,15 @@ std::vector<double> prefix_sums(std::span<const double> values) {
 
 }  // namespace
 
+std::string too_few_to_draw(std::size_t elements, std::size_t block) {
+  if (elements >= 2 * block) {
+    return "";
+  }
+  return elements <= block ? "no interval: one stretch only" : "no interval: fewer than two independent stretches";
+}
+
+Limits around(double value, Limits limits) { return {std::min(limits.lo, value), std::max(limits.hi, value)}; }
+
 Limits bootstrap_ratio(std::span<const double> numerator, std::span<const double> denominator,
                        const BootstrapOptions& options) {
   assert(numerator.size() == denominator.size());

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 
 namespace tacho {
 
@@ -21,6 +22,13 @@ struct BootstrapOptions {
   int draws = 999;
   std::uint64_t seed = 20260101;
 };
+
+/// Why draws of so many elements would say nothing about how they vary; empty when they do. Two blocks that share no
+/// element are the least: of one block every draw is the same, and limits would be as wide as nothing.
+std::string too_few_to_draw(std::size_t elements, std::size_t block);
+
+/// The limits, widened where rounding or a skewed sample left the value outside.
+Limits around(double value, Limits limits);
 
 /// splitmix64: small, fast, and the same everywhere.
 class SplitMix {

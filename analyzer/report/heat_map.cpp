@@ -16,7 +16,7 @@ constexpr Colour kLine{0xAA, 0xAA, 0xAA};
 
 constexpr int kLeft = 76;
 constexpr int kTop = 52;
-constexpr int kRight = 150;
+constexpr int kRight = 200;
 constexpr int kBottom = 58;
 constexpr int kLargestMap = 1000;  // pixels
 constexpr int kLargestCell = 20;
@@ -69,28 +69,35 @@ BlockValue block_value(const Grid& grid, const GridLayer& layer, const GridLayer
   return out;
 }
 
-const GridLayer* opacity_of(const Grid& grid, const GridLayer& layer) {
+/// A layer that says how sure a rate is.
+const GridLayer* beside(const Grid& grid, const GridLayer& layer, std::string_view name) {
   if (layer.unit.find('/') == std::string::npos) {
     return nullptr;  // a sum is a fact, however few passes it comes from
   }
   const auto found =
-      std::find_if(grid.layers.begin(), grid.layers.end(), [](const GridLayer& l) { return l.name == "opacity"; });
+      std::find_if(grid.layers.begin(), grid.layers.end(), [&](const GridLayer& l) { return l.name == name; });
   return found == grid.layers.end() ? nullptr : &*found;
 }
+const GridLayer* opacity_of(const Grid& grid, const GridLayer& layer) { return beside(grid, layer, "opacity"); }
+const GridLayer* too_few_of(const Grid& grid, const GridLayer& layer) { return beside(grid, layer, "too_few"); }
 
 void draw_cells(Canvas& canvas, const Grid& grid, const GridLayer& layer, const ColourScale& scale) {
   const MapGeometry geometry = map_geometry(grid);
   const GridLayer* opacity = opacity_of(grid, layer);
+  const GridLayer* too_few = too_few_of(grid, layer);
   const std::size_t block = geometry.cells_per_pixel;
   const int size = geometry.pixels_per_cell;
   for (std::size_t bj = 0; bj * block < grid.height; ++bj) {
     for (std::size_t bi = 0; bi * block < grid.width; ++bi) {
       const BlockValue cell = block_value(grid, layer, opacity, block, {bi, bj});
-      if (!std::isfinite(cell.value)) {
-        continue;
-      }
       const int x = geometry.map.x + static_cast<int>(bi) * size;
       const int y = geometry.map.y + geometry.map.height - (static_cast<int>(bj) + 1) * size;
+      if (!std::isfinite(cell.value)) {
+        if (too_few != nullptr && std::isfinite(block_value(grid, *too_few, nullptr, block, {bi, bj}).value)) {
+          canvas.fill({x, y, size, size}, kTooFew);
+        }
+        continue;
+      }
       canvas.fill({x, y, size, size}, mix(kLittleData, viridis(scale.share(cell.value)), cell.opacity));
     }
   }
@@ -141,10 +148,12 @@ std::string legend_unit(const GridLayer& layer) {
   return whole ? "count" : "share";
 }
 
-void draw_legend(Canvas& canvas, const GridLayer& layer, const ColourScale& scale, bool faded, Rect frame) {
+void draw_legend(Canvas& canvas, const Grid& grid, const GridLayer& layer, const ColourScale& scale, Rect frame) {
+  const bool faded = opacity_of(grid, layer) != nullptr;
+  const GridLayer* too_few = too_few_of(grid, layer);
   const int x = frame.x + frame.width + 22;
   constexpr int bar = 18;
-  const int swatches = faded ? 2 : 1;
+  const int swatches = 1 + (faded ? 1 : 0) + (too_few != nullptr ? 1 : 0);
   const int top = frame.y + 22;
   const int height = std::clamp(frame.height - 22 - 24 * swatches - 14, 120, 360);
   const std::string unit = legend_unit(layer);
@@ -160,13 +169,16 @@ void draw_legend(Canvas& canvas, const GridLayer& layer, const ColourScale& scal
     canvas.text(x + bar + 8, y - kGlyphHeight / 2, (open ? "> " : "") + brief(tick, 4), kInk);
   }
   int y = top + height + 14;
-  const auto swatch = [&](Colour colour, const char* words) {
+  const auto swatch = [&](Colour colour, const std::string& words) {
     canvas.fill({x, y, bar, 13}, colour);
     canvas.frame({x - 1, y - 1, bar + 2, 15}, kLine);
     canvas.text(x + bar + 8, y, words, kInk);
     y += 22;
   };
   swatch(kUnvisited, "not visited");
+  if (too_few != nullptr) {
+    swatch(kTooFew, too_few->title);
+  }
   if (faded) {
     swatch(kLittleData, "little data");
   }
@@ -200,7 +212,7 @@ Canvas draw_heat_map(const Grid& grid, const GridLayer& layer) {
   draw_cells(canvas, grid, layer, scale);
   draw_axes(canvas, grid, geometry);
   draw_scale_bar(canvas, grid, geometry);
-  draw_legend(canvas, layer, scale, opacity_of(grid, layer) != nullptr, geometry.frame);
+  draw_legend(canvas, grid, layer, scale, geometry.frame);
 
   const auto fitting = [&](const std::string& text, const Font& font) {
     return shortened(text, static_cast<std::size_t>((canvas.width() - kLeft - 8) / font.advance));

@@ -28,6 +28,8 @@ Json quantity_json(const Quantity& q, const std::string& column_unit) {
   out["exposure"] = number_or_null(q.exposure);
   if (!known) {
     out["reason"] = !q.reason.empty() ? q.reason : q.value ? "not a finite number" : "not given";
+  } else if (!q.reason.empty() && !q.lo && !q.hi) {
+    out["reason"] = q.reason;  // why there is no interval
   }
   return out;
 }

@@ -11,6 +11,7 @@
 namespace tacho::report {
 
 inline constexpr Colour kUnvisited{0xF7, 0xF7, 0xF7};
+inline constexpr Colour kTooFew{0xE3, 0xC9, 0xA8};      ///< visited, but too rarely for a rate
 inline constexpr Colour kLittleData{0xC4, 0xC4, 0xC4};  ///< what a cell of opacity 0 looks like
 
 /// Where the cells stand in the picture. Row j = 0 of the grid is at the bottom.
@@ -23,7 +24,8 @@ struct MapGeometry {
 MapGeometry map_geometry(const Grid& grid);
 
 /// Values above the legend's top show as its top colour. When the grid has a layer "opacity" (0..1) and this layer is a
-/// rate (its unit has a "/"), cells fade to kLittleData where their own data say little.
+/// rate (its unit has a "/"), cells fade to kLittleData where their own data say little. Where a rate is
+/// missing and a layer "too_few" has a value, the cell is kTooFew, and that layer's title says so in the legend.
 Canvas draw_heat_map(const Grid& grid, const GridLayer& layer);
 
 std::string encode_png(const Canvas& canvas);

@@ -185,7 +185,7 @@ std::string terminal_text(const Finding& f, const TerminalOptions& options) {
   }
   out += "\n";
   constexpr std::size_t indent = 11;
-  if (!f.value.value && !f.value.reason.empty()) {
+  if ((!f.value.value || f.verdict == Verdict::unknown) && !f.value.reason.empty()) {
     out += wrapped("reason: " + one_line(f.value.reason), indent);
   }
   if (!f.threshold.empty()) {

@@ -352,3 +352,41 @@ TEST_CASE("an alarm that cannot be read in one answer goes on, and one that come
   CHECK(std::get<bool>(test::cell(intervals, 0, "censored_set")));
   CHECK(at(1, "onset_lo") == MemoryLog::micros(39.0));
 }
+
+TEST_CASE("one minute of record gives a rate but no verdict on it, and evidence inside the record") {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("amr-1");
+  log.period(robot, Source::status, 1.0);
+  for (int k = 0; k < 60; ++k) {
+    Sample& row = log.row(robot, Source::status, 310.0 + k);
+    MemoryLog::no_alarms(row);
+    if (k % 15 > 10) {
+      MemoryLog::alarm(row, AlarmLevel::error, 52'200, 0);
+    }
+  }
+  for (const char* name : {"", "amr-1"}) {
+    const Finding rate = test::finding(run(log), "ALM-01", name);
+    CHECK(rate.verdict == Verdict::unknown);
+    CHECK(rate.value.value.value() > 200.0);
+    CHECK(rate.value.reason == "0.016 h observed, 1 h needed");
+    CHECK(rate.advice == "record for at least 1 h");
+    REQUIRE(rate.evidence.size() == 1);
+    CHECK(rate.evidence[0].from_us >= MemoryLog::micros(310.0));
+    CHECK(rate.evidence[0].to_us <= MemoryLog::micros(370.0));
+  }
+}
+
+TEST_CASE("the advice for chattering names what is missing: hours, faster polls, or both") {
+  const auto advice = [](double period_s, int polls) {
+    MemoryLog log;
+    const RobotId robot = log.add_robot("amr-1");
+    log.period(robot, Source::status, period_s);
+    for (int k = 0; k < polls; ++k) {
+      MemoryLog::no_alarms(log.row(robot, Source::status, period_s * k));
+    }
+    return test::finding(run(log), "ALM-03", "amr-1").advice;
+  };
+  CHECK(advice(1.0, 60) == "record for at least 1 h");
+  CHECK(advice(20.0, 1'000).starts_with("poll status at least every "));
+  CHECK(advice(20.0, 10).starts_with("record for at least 1 h, and poll status"));
+}

@@ -304,3 +304,51 @@ TEST_CASE("what the log cannot tell is unknown, with the reason") {
   CHECK(section.grids.empty());
   CHECK(test::has_note(section, "no poses"));
 }
+
+namespace {
+
+/// Episodes of `length_s` on task, one per `every_s`, at one poll per `period_s`.
+Finding lost_share_of(double period_s, double every_s, double length_s, double hours) {
+  MemoryLog log;
+  const RobotId robot = log.add_robot("amr-1");
+  log.period(robot, Source::status, period_s);
+  for (double t = 0.0; t < hours * 3'600.0; t += period_s) {
+    Sample& row = log.row(robot, Source::status, t);
+    MemoryLog::set_int(row, "blocked", std::fmod(t, every_s) < length_s ? 1 : 0);
+    MemoryLog::set_int(row, "task_status", 2);
+  }
+  return test::finding(run(log), "BLK-01", "amr-1");
+}
+
+}  // namespace
+
+TEST_CASE("a share of lost time that slow polls blur asks for faster polls, one of few episodes for more hours") {
+  const Finding slow = lost_share_of(10.0, 600.0, 10.0, 200.0);
+  CHECK(slow.verdict == Verdict::unknown);
+  CHECK(slow.advice.find("poll status at 1 Hz") != std::string::npos);
+  CHECK(slow.advice.find("record longer") == std::string::npos);
+  const Finding few = lost_share_of(1.0, 3'600.0, 60.0, 2.0);
+  CHECK(few.verdict == Verdict::unknown);
+  CHECK(few.advice.find("record longer") != std::string::npos);
+}
+
+TEST_CASE("cells with fewer passes than a rate needs are on the map as such") {
+  test::SimulatedLog log(hot_hall(3), 3'600.0, {{Source::status, 1.0}});
+  const Section section = run(log);
+  REQUIRE(section.grids.size() == 1);
+  const auto layer = [&](std::string_view name) -> const GridLayer& {
+    const auto& layers = section.grids[0].layers;
+    const auto at = std::find_if(layers.begin(), layers.end(), [&](const GridLayer& l) { return l.name == name; });
+    REQUIRE(at != layers.end());
+    return *at;
+  };
+  CHECK(layer("too_few").title.starts_with("fewer than "));
+  std::size_t few = 0;
+  for (std::size_t k = 0; k < layer("rate").value.size(); ++k) {
+    const bool marked = std::isfinite(layer("too_few").value[k]);
+    few += marked ? 1U : 0U;
+    CHECK_FALSE((marked && std::isfinite(layer("rate").value[k])));
+    CHECK((marked || std::isfinite(layer("rate").value[k]) || !std::isfinite(layer("passes").value[k])));
+  }
+  CHECK(few > 0);
+}

@@ -168,6 +168,19 @@ TEST_CASE("bootstrap limits of a weighted median lie round it; of one value they
   CHECK(one.hi == 3.0);
 }
 
+TEST_CASE("a sample of one block has no interval, and two blocks that share nothing are the least") {
+  CHECK(too_few_to_draw(1, 1) == "no interval: one stretch only");
+  CHECK(too_few_to_draw(2, 2) == "no interval: one stretch only");
+  CHECK_FALSE(too_few_to_draw(3, 2).empty());
+  CHECK(too_few_to_draw(4, 2).empty());
+}
+
+TEST_CASE("limits are widened to hold a value that rounding put outside") {
+  const Limits limits = around(3.054912139924, {3.05491213992709199, 3.05491213992709199});
+  CHECK(limits.lo == 3.054912139924);
+  CHECK(limits.hi == 3.05491213992709199);
+}
+
 TEST_CASE("least squares finds exact coefficients and refuses effects it cannot tell apart") {
   Eigen::MatrixXd a(40, 2);
   Eigen::VectorXd y(40);

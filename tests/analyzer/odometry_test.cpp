@@ -264,3 +264,43 @@ TEST_CASE("an empty log is unknown throughout") {
   }
   CHECK_FALSE(s.notes.empty());
 }
+
+TEST_CASE(
+    "drift of one short stretch has values without an interval, and heading drift stays unknown with the reason") {
+  PaperRobot robot;
+  robot.hours = 0.02;
+  PaperLog log = status_log(robot);
+  Settings settings;
+  settings.set("odometry.drift_n_min", 1.0, "site.toml:1");
+  const Section s = run_odometry(log, settings);
+  const Quantity rmse = quantity(s, "drift", "rmse_pct", 1);
+  REQUIRE(rmse.value);
+  CHECK_FALSE(rmse.lo);
+  CHECK_FALSE(rmse.hi);
+  CHECK(rmse.reason.starts_with("no interval: "));
+  const Finding& f = finding(s, "ODO-07");
+  CHECK(f.verdict == Verdict::unknown);
+  CHECK_FALSE(f.value.lo);
+  CHECK_FALSE(f.value.reason.empty());
+}
+
+TEST_CASE("every interval of a table holds its value, however short the record") {
+  for (const double hours : {0.01, 0.02, 0.04, 0.08, 0.3, 1.0}) {
+    PaperRobot robot;
+    robot.hours = hours;
+    PaperLog log = status_log(robot);
+    const Section s = run_odometry(log);
+    for (const DataTable& t : s.tables) {
+      for (const auto& row : t.rows) {
+        for (const Value& value : row) {
+          const auto* q = std::get_if<Quantity>(&value);
+          if (q != nullptr && q->value && q->lo && q->hi) {
+            INFO(t.name << " of " << hours << " h: " << *q->lo << " " << *q->value << " " << *q->hi);
+            CHECK(*q->lo <= *q->value);
+            CHECK(*q->value <= *q->hi);
+          }
+        }
+      }
+    }
+  }
+}

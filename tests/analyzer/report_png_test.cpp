@@ -78,6 +78,17 @@ TEST_CASE("rates fade where a cell's own data say little; sums do not") {
   CHECK(cell(rate, grid, 2, 1) == mix(kLittleData, viridis(0.0), 0.5));
 }
 
+TEST_CASE("a rate of a cell visited too rarely has its own colour, not that of a cell never visited") {
+  Grid grid = example_grid();
+  grid.layers.push_back({"too_few", "fewer than 5 passes", "1", {kNaN, kNaN, 1.0, kNaN, kNaN, kNaN}});
+  const Picture rate = decode(encode_png(draw_heat_map(grid, grid.layers[1])));
+  CHECK(cell(rate, grid, 2, 0) == kTooFew);
+  CHECK(cell(rate, grid, 1, 1) == kUnvisited);
+  CHECK(cell(rate, grid, 1, 0) == viridis(1.0));
+  const Picture sum = decode(encode_png(draw_heat_map(grid, grid.layers[0])));
+  CHECK(cell(sum, grid, 2, 0) == kUnvisited);
+}
+
 TEST_CASE("the picture has the size of the map plus margins and is the same every time") {
   const Grid grid = example_grid();
   const MapGeometry g = map_geometry(grid);

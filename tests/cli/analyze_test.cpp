@@ -79,6 +79,22 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a report of a period says of every figure about the whole log that it is not of the period") {
+  TempDir dir;
+  const Outcome outcome = analyze({"report", two_robots(), "--from", "2026-01-01T00:01:00Z", "--to",
+                                   "2026-01-01T00:02:00Z", "-o", (dir / "out").string()});
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  const Json section = Json::parse(contents(dir / "out").at("info/info.json"))["sections"][0];
+  CHECK(section["title"].get<std::string>().find("whole log") != std::string::npos);
+  REQUIRE_FALSE(section["findings"].empty());
+  for (const Json& finding : section["findings"]) {
+    INFO(finding.dump());
+    CHECK(finding["title"].get<std::string>().ends_with("(whole log)"));
+  }
+  CHECK(outcome.out.find("(whole log)") != std::string::npos);
+}
+
 TEST_CASE("incident: the gap, the events and the signals around a moment, in the order of time") {
   const Outcome json = analyze({"incident", two_robots(), "--at", "2026-01-01T00:05:30Z", "--format", "json"});
   INFO(json.err);

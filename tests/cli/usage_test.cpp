@@ -215,3 +215,26 @@ TEST_CASE("fields lists every field with its unit, source and meaning, and marks
   const Outcome csv = analyze({"fields", "--format", "csv"});
   CHECK(csv.out.rfind("name,unit,kind,json,register", 0) == 0);
 }
+
+TEST_CASE("a period or moment outside the log is refused with what the log covers, by every command that takes one") {
+  TempDir dir;
+  const std::string out = (dir / "out").string();
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"battery", log_of_three()},
+                                                  {"alarms", log_of_three()},
+                                                  {"blockage", log_of_three()},
+                                                  {"odometry", log_of_three()},
+                                                  {"export", log_of_three()},
+                                                  {"export", log_of_three(), "--raw"},
+                                                  {"report", log_of_three(), "-o", out}}) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), {"--from", "2020-01-01", "--to", "2020-01-02"});
+    check_usage(arguments,
+                "--from/--to: no answer between 2020-01-01T00:00:00.000Z and 2020-01-02T00:00:00.000Z; the log covers "
+                "2026-01-01T00:00:0");
+  }
+  CHECK_FALSE(fs::exists(out));
+  check_usage({"battery", log_of_three(), "--from", "2030-01-01"}, "--from: no answer from 2030-01-01");
+  check_usage({"battery", log_of_three(), "--to", "2020-01-01"}, "--to: no answer before 2020-01-01");
+  check_usage({"incident", log_of_three(), "--at", "2020-01-01"}, "the log covers 2026-01-01T00:00:0");
+  check_usage({"battery", two_robots(), "--robot", "amb-02", "--from", "2030-01-01"}, "of the chosen robots");
+}
