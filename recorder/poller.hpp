@@ -46,7 +46,6 @@ struct PollerOptions {
   Micros gap_flush_us = 60'000'000;
 };
 
-
 /// Counters of one source; written by the poller, readable from any thread.
 struct SourceCounters {
   std::atomic<std::uint64_t> planned{0};  ///< by the schedule; final when run() has returned
