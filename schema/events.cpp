@@ -321,6 +321,23 @@ struct EventMachine::Impl {
   }
 };
 
+bool derived_from_answers(EventKind kind) {
+  switch (kind) {
+    case EventKind::link_up:
+    case EventKind::link_down:
+    case EventKind::client_limit:
+    case EventKind::error_frame:
+    case EventKind::no_sequence_echo:
+    case EventKind::rate:
+    case EventKind::word_order:
+    case EventKind::clock_step:
+    case EventKind::mark:
+      return false;
+    default:
+      return true;
+  }
+}
+
 EventMachine::EventMachine() : impl_(std::make_unique<Impl>()) {}
 EventMachine::~EventMachine() = default;
 EventMachine::EventMachine(EventMachine&&) noexcept = default;

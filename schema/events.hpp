@@ -33,6 +33,9 @@
 
 namespace tacho {
 
+/// What EventMachine makes. False: told by the links, the scheduler, the clock or a person.
+bool derived_from_answers(EventKind kind);
+
 /// One robot, one session. Feed the samples of all its sources in arrival order; edges are found per source, so that a
 /// slower source never undoes what a faster one said.
 class EventMachine {

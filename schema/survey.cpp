@@ -52,24 +52,6 @@ std::string text_of(const Event& e) {
                      e.t_from_us, e.t_us, e.detail);
 }
 
-/// Told by the links, the scheduler, the clock or a person; all others are derived from answers.
-bool reported(EventKind kind) {
-  switch (kind) {
-    case EventKind::link_up:
-    case EventKind::link_down:
-    case EventKind::client_limit:
-    case EventKind::error_frame:
-    case EventKind::no_sequence_echo:
-    case EventKind::rate:
-    case EventKind::word_order:
-    case EventKind::clock_step:
-    case EventKind::mark:
-      return true;
-    default:
-      return false;
-  }
-}
-
 /// Polls from .. to - 1 that are accounted for.
 struct Span {
   std::uint64_t from = 0;
@@ -160,7 +142,7 @@ class Surveyor {
       add(out_.events, row_hash(event));
       SessionCheck& session = sessions_[event.session];
       session.exact = session.exact && event.kind != EventKind::word_order;
-      if (!reported(event.kind)) {
+      if (derived_from_answers(event.kind)) {
         count(session, text_of(event), 1);
       }
     }

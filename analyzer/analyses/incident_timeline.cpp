@@ -7,6 +7,8 @@
 #include <set>
 #include <tuple>
 
+#include "schema/events.hpp"
+
 namespace tacho {
 namespace {
 
@@ -35,22 +37,7 @@ void join(TimeLine& first, const TimeLine& again) {
 }  // namespace
 
 bool is_of_robot(EventKind kind) {
-  switch (kind) {
-    case EventKind::link_up:
-    case EventKind::link_down:
-    case EventKind::client_limit:
-    case EventKind::error_frame:
-    case EventKind::no_sequence_echo:
-    case EventKind::rate:
-    case EventKind::word_order:
-    case EventKind::unknown_key:
-    case EventKind::undecodable:
-    case EventKind::clock_step:
-    case EventKind::mark:
-      return false;
-    default:
-      return true;
-  }
+  return derived_from_answers(kind) && kind != EventKind::unknown_key && kind != EventKind::undecodable;
 }
 
 std::vector<TimeLine> join_repeats(std::vector<TimeLine> lines) {
