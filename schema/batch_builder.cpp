@@ -1,5 +1,6 @@
 #include "schema/batch_builder.hpp"
 
+#include <cassert>
 #include <utility>
 
 namespace tacho {
@@ -65,6 +66,62 @@ void BatchBuilder::append(const Sample& sample) {
       batch_.points.push_back(point);
     }
     batch_.point_begin.push_back(static_cast<std::uint32_t>(batch_.points.size()));
+  }
+}
+
+void BatchBuilder::append(const Batch& from, std::size_t begin, std::size_t end) {
+  const auto add = [&](auto& to, const auto& values) {
+    to.insert(to.end(), values.begin() + static_cast<std::ptrdiff_t>(begin),
+              values.begin() + static_cast<std::ptrdiff_t>(end));
+  };
+  std::vector<std::uint32_t> moved;  // text id there -> here, kNotMoved until needed
+  constexpr std::uint32_t kNotMoved = 0xFFFFFFFF;
+  const auto move_text = [&](std::uint32_t id) {
+    if (moved.empty()) {
+      moved.assign(from.texts.size(), kNotMoved);
+    }
+    if (moved[id] == kNotMoved) {
+      moved[id] = batch_.texts.intern(from.texts.at(id));
+    }
+    return moved[id];
+  };
+  add(batch_.seq, from.seq);
+  add(batch_.t_send_us, from.t_send_us);
+  add(batch_.t_recv_us, from.t_recv_us);
+  for (Column& column : batch_.columns) {
+    const Column* const other = from.find(column.field);
+    assert(other != nullptr);
+    const Kind kind = field_at(column.field).kind;
+    add(column.state, other->state);
+    if (kind == Kind::real) {
+      add(column.real, other->real);
+    } else if (is_text(kind)) {
+      for (std::size_t i = begin; i < end; ++i) {
+        column.integer.push_back(move_text(static_cast<std::uint32_t>(other->integer[i])));
+      }
+    } else {
+      add(column.integer, other->integer);
+    }
+  }
+  if (alarms_) {
+    for (std::size_t row = begin; row < end; ++row) {
+      for (AlarmItem item : from.alarms_of(row)) {
+        item.desc = move_text(item.desc);
+        item.solution = move_text(item.solution);
+        batch_.alarms.push_back(item);
+      }
+      batch_.alarm_begin.push_back(static_cast<std::uint32_t>(batch_.alarms.size()));
+    }
+    add(batch_.alarms_incomplete, from.alarms_incomplete);
+  }
+  if (points_) {
+    for (std::size_t row = begin; row < end; ++row) {
+      for (IoPoint point : from.points_of(row)) {
+        point.source = move_text(point.source);
+        batch_.points.push_back(point);
+      }
+      batch_.point_begin.push_back(static_cast<std::uint32_t>(batch_.points.size()));
+    }
   }
 }
 

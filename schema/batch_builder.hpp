@@ -1,5 +1,5 @@
 #pragma once
-// Appends decoded samples to the columns of a Batch. Used by every RowSource that decodes row by row.
+// Appends decoded samples, or rows of other batches, to the columns of a Batch.
 
 #include "schema/row_source.hpp"
 
@@ -9,6 +9,8 @@ class BatchBuilder {
  public:
   BatchBuilder(Source source, const FieldSet& fields);
   void append(const Sample& sample);
+  /// Rows [begin, end) of a batch that has all columns of this one.
+  void append(const Batch& from, std::size_t begin, std::size_t end);
   [[nodiscard]] std::size_t rows() const { return batch_.rows(); }
   /// The batch so far; the builder starts an empty one with the same columns.
   Batch take();

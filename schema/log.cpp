@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "schema/column_decoder.hpp"
 #include "schema/events.hpp"
 #include "schema/signals.hpp"
 #include "schema/store/log_reader.hpp"
@@ -52,11 +53,15 @@ std::optional<Micros> robot_time(const Sample& sample) {
 
 std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs) {
   // Shared because a std::function must be copyable; the reader keeps one copy.
-  const auto decoder = std::make_shared<AnswerDecoder>();
+  const auto answers = std::make_shared<AnswerDecoder>();
+  const auto blocks = std::make_shared<ColumnDecoder>();
   return std::make_unique<store::LogReader>(
-      logs, [decoder](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out) {
-        decoder->decode(answer, stream.word_order, wanted, false, gates, out);
-      });
+      logs,
+      store::Decoders{[answers](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates,
+                                Sample& out) { answers->decode(answer, stream.word_order, wanted, false, gates, out); },
+                      [blocks](store::BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
+                        return blocks->decode(block, stream, out, damage);
+                      }});
 }
 
 struct AnswerDecoder::Impl {

@@ -111,7 +111,7 @@ class TextPool {
 struct Sample {
   AnswerMeta meta;
   std::array<Cell, kFieldCount> cells;
-  std::vector<AlarmItem> alarms;          ///< all four levels, in the order of the answer
+  std::vector<AlarmItem> alarms;          ///< by level, in a level in the order of the answer
   LevelSet alarms_incomplete;             ///< levels with elements that could not be read: `alarms` has the others only
   std::vector<IoPoint> points;            ///< DI then DO
   std::vector<std::string> unknown_keys;  ///< paths no field names, sorted, each once

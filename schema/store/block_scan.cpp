@@ -7,13 +7,9 @@
 
 namespace tacho::store {
 
-namespace {
-
-/// Blocks that a query needs, by source. Rows of the table that are damaged are named.
-std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection, const PartHead& head, RobotId robot,
-                                                         const std::array<bool, kSourceCount>& sources, Window window,
-                                                         StreamCounts& met, const BlockScan::Report& report) {
-  std::array<std::deque<BlockRow>, kSourceCount> places;
+std::array<BlockPlaces, kSourceCount> block_places(Connection& connection, const PartHead& head,
+                                                   const AnswerQuery& query, StreamCounts& met, const Report& report) {
+  std::array<BlockPlaces, kSourceCount> places;
   std::uint64_t bad = 0;
   try {
     Statement row(connection, kBlockPlaces);
@@ -25,11 +21,11 @@ std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection,
         ++bad;
         continue;
       }
-      const auto source = static_cast<std::size_t>(*head.vocabulary.source[number]);
-      met[{place->session, place->robot, *head.vocabulary.source[number]}].stored += place->rows;
-      if (place->robot == robot && sources[source] && place->row_from <= head.ends.row &&
-          place->t_to_us >= window.from_us && place->t_from_us < window.to_us) {
-        places[source].push_back(*place);
+      const Source source = *head.vocabulary.source[number];
+      met[{place->session, place->robot, source}].stored += place->rows;
+      if (query.asks_for(place->robot, source) && place->row_from <= head.ends.row &&
+          place->t_to_us >= query.window.from_us && place->t_from_us < query.window.to_us) {
+        places[static_cast<std::size_t>(source)].push_back(*place);
       }
     }
   } catch (const SqliteError& error) {
@@ -41,23 +37,42 @@ std::array<std::deque<BlockRow>, kSourceCount> places_of(Connection& connection,
   if (bad > 0) {
     report(fmt::format("{} rows of table block are damaged and left out", bad));
   }
-  for (std::deque<BlockRow>& lane : places) {
+  for (BlockPlaces& lane : places) {
     std::sort(lane.begin(), lane.end(), [](const BlockRow& a, const BlockRow& b) { return a.row_from < b.row_from; });
   }
   return places;
 }
 
-}  // namespace
+void BlockFetch::with(const BlockRow& place, Source source, const Report& report,
+                      const std::function<std::string(BlockDecoder&)>& use) {
+  std::string damage;
+  try {
+    fetch_.query(place.id);
+    damage = fetch_.step() ? decoder_.open(fetch_.bytes(0)) : "it is gone";
+    const BlockHead& head = decoder_.head();
+    if (damage.empty() && (head.robot != place.robot || head.source != source || head.session != place.session)) {
+      damage = "it belongs to another stream";
+    }
+    if (damage.empty()) {
+      damage = use(decoder_);
+    }
+  } catch (const SqliteError& error) {
+    if (!error.damaged()) {
+      throw;
+    }
+    damage = error.what();
+  }
+  fetch_.reset();
+  if (!damage.empty()) {
+    report(fmt::format("block {} (robot {}, {}, session {}, polls {} to {}): {}", place.id, place.robot,
+                       source_name(source), place.session, place.seq_from, place.seq_to, damage));
+  }
+}
 
-BlockScan::BlockScan(Connection& connection, const PartHead& head, RobotId robot,
-                     const std::array<bool, kSourceCount>& sources, Window window, StreamCounts& met,
+BlockScan::BlockScan(Connection& connection, const PartHead& head, const AnswerQuery& query, StreamCounts& met,
                      const Report& report)
-    : head_(&head),
-      report_(&report),
-      fetch_(connection, "SELECT data FROM block WHERE id = ?1"),
-      robot_(robot),
-      window_(window) {
-  auto places = places_of(connection, head, robot, sources, window, met, report);
+    : head_(&head), query_(&query), report_(&report), fetch_(connection) {
+  auto places = block_places(connection, head, query, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (!places[s].empty()) {
       lanes_.push_back({static_cast<Source>(s), std::move(places[s]), {}, {}, 0});
@@ -78,21 +93,12 @@ void BlockScan::fill(Lane& lane) {
 }
 
 void BlockScan::load(Lane& lane, const BlockRow& place) {
-  std::string damage;
-  try {
-    fetch_.query(place.id);
-    damage = fetch_.step() ? decoder_.open(fetch_.bytes(0)) : "it is gone";
-    const BlockHead& head = decoder_.head();
-    if (damage.empty() && (head.robot != robot_ || head.source != lane.source || head.session != place.session)) {
-      damage = "it belongs to another stream";
-    }
+  fetch_.with(place, lane.source, *report_, [&](BlockDecoder& block) {
     std::vector<std::int64_t> rows;
+    std::string damage = block.places(rows);
     if (damage.empty()) {
-      damage = decoder_.places(rows);
-    }
-    if (damage.empty()) {
-      damage = decoder_.answers([&](std::size_t i, const Answer& answer) {
-        if (window_.contains(answer.meta.t_send_us) && rows[i] <= head_->ends.row) {
+      damage = block.answers([&](std::size_t i, const Answer& answer) {
+        if (query_->window.contains(answer.meta.t_send_us) && rows[i] <= head_->ends.row) {
           if (lane.answers.size() <= lane.rows.size()) {
             lane.answers.emplace_back();
           }
@@ -101,17 +107,8 @@ void BlockScan::load(Lane& lane, const BlockRow& place) {
         }
       });
     }
-  } catch (const SqliteError& error) {
-    if (!error.damaged()) {
-      throw;
-    }
-    damage = error.what();
-  }
-  fetch_.reset();
-  if (!damage.empty()) {
-    (*report_)(fmt::format("block {} (robot {}, {}, session {}, polls {} to {}): {}", place.id, robot_,
-                           source_name(lane.source), place.session, place.seq_from, place.seq_to, damage));
-  }
+    return damage;
+  });
 }
 
 std::int64_t BlockScan::row() const {

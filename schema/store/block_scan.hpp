@@ -1,5 +1,5 @@
 #pragma once
-// The answers of one robot that were moved into blocks, in order of arrival.
+// Blocks of a part: where they are, and their answers in order of arrival.
 
 #include <array>
 #include <cstdint>
@@ -8,21 +8,40 @@
 #include <string>
 #include <vector>
 
+#include "schema/store/answer_query.hpp"
 #include "schema/store/block/block_decoder.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/rows.hpp"
 
 namespace tacho::store {
 
+/// Blocks of one source, in order of arrival.
+using BlockPlaces = std::deque<BlockRow>;
+
+/// Blocks that a query needs, by source. Rows of the table that are damaged are named. Counts all moved answers of all
+/// robots in `met`.
+std::array<BlockPlaces, kSourceCount> block_places(Connection& connection, const PartHead& head,
+                                                   const AnswerQuery& query, StreamCounts& met, const Report& report);
+
+/// Reads blocks from the file.
+class BlockFetch {
+ public:
+  explicit BlockFetch(Connection& connection) : fetch_(connection, "SELECT data FROM block WHERE id = ?1") {}
+  /// Opens the block and hands it to `use`, which returns damage. Reports what is wrong, in words.
+  void with(const BlockRow& place, Source source, const Report& report,
+            const std::function<std::string(BlockDecoder&)>& use);
+
+ private:
+  Statement fetch_;
+  BlockDecoder decoder_;
+};
+
+/// Blocks of a part: where they are, and their answers in order of arrival.
 class BlockScan {
  public:
-  /// Told of damage, in words.
-  using Report = std::function<void(const std::string&)>;
-
-  /// Blocks outside `window` are not opened. Counts all moved answers of all robots in `met`. `connection`, `head` and
-  /// `report` must outlive the scan.
-  BlockScan(Connection& connection, const PartHead& head, RobotId robot, const std::array<bool, kSourceCount>& sources,
-            Window window, StreamCounts& met, const Report& report);
+  /// Blocks outside the window are not opened. The arguments must outlive the scan.
+  BlockScan(Connection& connection, const PartHead& head, const AnswerQuery& query, StreamCounts& met,
+            const Report& report);
 
   /// The place of the next answer among all answers of the part; 0 at the end.
   [[nodiscard]] std::int64_t row() const;
@@ -33,19 +52,17 @@ class BlockScan {
   /// One source.
   struct Lane {
     Source source = Source::status;
-    std::deque<BlockRow> blocks;     ///< not yet opened, in order
+    BlockPlaces blocks;              ///< not yet opened
     std::vector<std::int64_t> rows;  ///< of the open block, those inside the window
     std::vector<Answer> answers;     ///< likewise
     std::size_t next = 0;
   };
   const PartHead* head_;
+  const AnswerQuery* query_;
   const Report* report_;
-  Statement fetch_;
+  BlockFetch fetch_;
   std::vector<Lane> lanes_;
   Answer answer_;
-  BlockDecoder decoder_;
-  RobotId robot_;
-  Window window_;
 
   void fill(Lane& lane);
   void load(Lane& lane, const BlockRow& place);

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "schema/store/order_guard.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/part_reader.hpp"
 #include "schema/store/slicer.hpp"
@@ -58,7 +59,7 @@ std::string joined(std::span<const fs::path> paths) {
 }  // namespace
 
 struct LogReader::Impl {
-  Decode decode;
+  Decoders decoders;
   std::vector<PartHead> parts;  // by number
   std::vector<ReadProblem> problems;
   std::set<std::pair<std::string, std::string>> told;
@@ -241,8 +242,8 @@ const Stream& LogReader::Impl::stream_of(const AnswerMeta& meta) {
   return found->second;
 }
 
-LogReader::LogReader(std::span<const fs::path> logs, Decode decode) : impl_(std::make_unique<Impl>()) {
-  impl_->decode = std::move(decode);
+LogReader::LogReader(std::span<const fs::path> logs, Decoders decoders) : impl_(std::make_unique<Impl>()) {
+  impl_->decoders = std::move(decoders);
   impl_->open(logs);
 }
 
@@ -308,107 +309,20 @@ std::vector<LogReader::PartInfo> LogReader::parts() const {
   return out;
 }
 
-namespace {
-
-/// Keeps rows in order and unique, whatever a damaged or doctored file holds.
-class OrderGuard {
- public:
-  bool accepts(const AnswerMeta& meta) {
-    auto& last = last_[static_cast<std::size_t>(meta.source)];
-    const std::pair<SessionId, std::uint64_t> place{meta.session, meta.seq + 1};
-    if (place <= last) {
-      return false;
-    }
-    last = place;
-    return true;
-  }
-
- private:
-  std::array<std::pair<SessionId, std::uint64_t>, kSourceCount> last_{};
-};
-
-/// The flags that registers need, as far as the inputs still vouch for them: what was read before a gap of the inputs,
-/// or in another session, says nothing about the time after.
-class GateKeeper {
- public:
-  void begin_part(const std::vector<Gap>& gaps) {
-    for (const Gap& gap : gaps) {
-      if (gap.source == Source::inputs && !gap.partial && gap.seq_count > 0) {
-        gaps_[{gap.session, gap.seq_from}] = gap.t_from_us;
-      }
-    }
-  }
-  /// The gates for decoding the next answer in order of arrival.
-  Gates& of(const AnswerMeta& meta) {
-    const auto gap = gaps_.upper_bound(last_);
-    const bool missed = gap != gaps_.end() && gap->first.first == last_.first && gap->second <= meta.t_send_us;
-    if (meta.session != last_.first || missed) {
-      gates_ = Gates{};
-    }
-    if (meta.session != last_.first) {
-      last_ = {meta.session, 0};
-    }
-    if (meta.source == Source::inputs) {
-      last_ = {meta.session, meta.seq};
-    }
-    return gates_;
-  }
-
- private:
-  using Place = std::pair<SessionId, std::uint64_t>;  ///< session, seq of inputs
-  Gates gates_;
-  Place last_{};                  ///< the newest answer of inputs
-  std::map<Place, Micros> gaps_;  ///< first missed poll -> since when
-};
-
-constexpr const char* kOutOfOrder = "answers that repeat or go back in order are left out";
-
-/// Registers' own answers do not hold the flags that their conditions name; the inputs do, asked for or not.
-FieldSet flags_from_inputs(const Selection& selection) {
-  const FieldSet& registers = selection.fields[static_cast<std::size_t>(Source::registers)];
-  FieldSet flags;
-  for (std::size_t i = 0; i < kFieldCount; ++i) {
-    const FieldIndex flag = kFields[i].condition.empty() ? kNoField : find_field(kFields[i].condition);
-    if (registers[i] && flag != kNoField && kFields[flag].reg.discrete) {
-      flags.set(flag);
-    }
-  }
-  return flags;
-}
-
-}  // namespace
-
 void LogReader::read(RobotId robot, Window window, const Selection& selection,
                      const std::function<void(const Slice&)>& yield) {
-  std::array<FieldSet, kSourceCount> wanted = selection.fields;
-  const FieldSet flags = flags_from_inputs(selection);
-  wanted[static_cast<std::size_t>(Source::inputs)] |= flags;
-  PartReader::Query query{robot, selection.rows, window};
+  InputGates gates(selection.fields[static_cast<std::size_t>(Source::registers)]);
+  ColumnQuery query{{robot, selection.rows, window}, selection.fields, &impl_->decoders, {}, {}};
+  query.wanted[static_cast<std::size_t>(Source::inputs)] |= gates.flags();
   for (std::size_t s = 0; s < kSourceCount; ++s) {
-    query.sources[s] = query.sources[s] || wanted[s].any();
+    query.answers.sources[s] = query.answers.sources[s] || query.wanted[s].any();
   }
-
-  Slicer slicer(robot, selection, yield);
-  OrderGuard order;
-  GateKeeper gates;
-  Sample sample;
-  const auto take = [&](const Answer& answer, const PartHead& head) {
-    if (!order.accepts(answer.meta)) {
-      impl_->problem(head.path.string(), kOutOfOrder);
-      return;
-    }
-    sample.meta = answer.meta;
-    impl_->decode(answer, impl_->stream_of(answer.meta), wanted[static_cast<std::size_t>(answer.meta.source)],
-                  gates.of(answer.meta), sample);
-    sample.meta = answer.meta;
-    slicer.add(sample);
-  };
+  query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return impl_->stream_of(meta); };
+  Slicer slicer(robot, selection, gates, yield);
   impl_->each_part([&](PartReader& part, const PartHead& head) {
-    PartRecords records{part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)};
-    gates.begin_part(records.gaps);
-    slicer.begin_part(std::move(records));
+    slicer.begin_part({part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)});
     try {
-      part.answers(query, [&](const Answer& answer) { take(answer, head); });
+      part.columns(query, [&](ColumnScan& scan) { slicer.rows(scan); });
     } catch (const SqliteError& error) {
       impl_->problem(head.path.string(), error.what());
     }
@@ -417,7 +331,7 @@ void LogReader::read(RobotId robot, Window window, const Selection& selection,
 }
 
 void LogReader::read_raw(RobotId robot, Source source, Window window, const std::function<void(const Answer&)>& yield) {
-  PartReader::Query query{robot, {}, window};
+  AnswerQuery query{robot, {}, window};
   query.sources[static_cast<std::size_t>(source)] = true;
   OrderGuard order;
   impl_->each_part([&](PartReader& part, const PartHead& head) {
@@ -448,7 +362,7 @@ LogReader::Records LogReader::part_records(std::size_t part, RobotId robot) {
 
 void LogReader::part_answers(std::size_t part, RobotId robot, const std::function<void(const Answer&)>& yield) {
   const PartHead& head = impl_->parts[part];
-  PartReader::Query query{robot, {}, Window{}};
+  AnswerQuery query{robot, {}, Window{}};
   query.sources.fill(true);
   try {
     impl_->reader(head).answers(query, yield);

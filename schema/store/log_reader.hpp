@@ -2,8 +2,8 @@
 // Reads a log (a folder of parts, or single parts) as a RowSource, also while it is being recorded.
 //
 // Foreign files in the folder are skipped and named in problems(); a damaged part yields what can be read and is named.
-// Decoded on reading: bodies go through wire decoders that the caller hands in, so that store and wire do not know each
-// other (schema/log.hpp ties them together).
+// Decoded on reading, by decoders that the caller hands in: blocks as columns, hot rows and what is no column one by
+// one.
 
 #include <filesystem>
 #include <functional>
@@ -13,18 +13,15 @@
 #include <vector>
 
 #include "schema/row_source.hpp"
+#include "schema/store/decode.hpp"
 
 namespace tacho::store {
-
-/// Decodes `answer` into `out` (meta is copied by the caller). `stream` gives the word order.
-using Decode =
-    std::function<void(const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out)>;
 
 class LogReader final : public RowSource {
  public:
   /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different
   /// logs.
-  LogReader(std::span<const std::filesystem::path> logs, Decode decode);
+  LogReader(std::span<const std::filesystem::path> logs, Decoders decoders);
   ~LogReader() override;
 
   [[nodiscard]] std::vector<Robot> robots() const override;

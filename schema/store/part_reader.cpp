@@ -13,138 +13,23 @@
 
 namespace tacho::store {
 
-namespace {
-
-/// Runs of answers that could not be decompressed, one report per run and stream.
-class BrokenRuns {
- public:
-  explicit BrokenRuns(const PartReader::Report& report) : report_(&report) {}
-  void bad(const AnswerMeta& meta) {
-    Run& run = runs_[meta.source];
-    if (run.count > 0 && run.session != meta.session) {
-      tell(meta.source, run);
-    }
-    if (run.count == 0) {
-      run = {meta.robot, meta.session, meta.seq, meta.seq, 0};
-    }
-    run.to = meta.seq;
-    ++run.count;
-  }
-  void good(Source source) { tell(source, runs_[source]); }
-  void finish() {
-    for (auto& [source, run] : runs_) {
-      tell(source, run);
-    }
-  }
-
- private:
-  struct Run {
-    RobotId robot = 0;
-    SessionId session = 0;
-    std::uint64_t from = 0;
-    std::uint64_t to = 0;
-    std::uint64_t count = 0;
-  };
-  void tell(Source source, Run& run) const {
-    if (run.count > 0) {
-      (*report_)(
-          fmt::format("{} answers of robot {} source {} session {} (poll {} to {}) are damaged and left out; "
-                      "reading goes on at the next keyframe",
-                      run.count, run.robot, source_name(source), run.session, run.from, run.to));
-      run.count = 0;
-    }
-  }
-  const PartReader::Report* report_;
-  std::map<Source, Run> runs_;
-};
-
-/// The hot answers of a query, in order of arrival.
-class HotAnswers {
- public:
-  /// Counts every row of every robot in `met`.
-  HotAnswers(Connection& connection, const PartHead& head, const PartReader::Query& query, StreamCounts& met,
-             const PartReader::Report& report)
-      : query_(&query),
-        met_(&met),
-        scan_(connection, head.vocabulary, last_row(connection, head),
-              [&report](std::int64_t after, std::int64_t before, const std::string& why) {
-                report(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
-              }),
-        chain_(connection, head.vocabulary),
-        broken_(report) {
-    advance();
-  }
-  /// Place of the next answer among all of the part; 0 at the end.
-  [[nodiscard]] std::int64_t row() const { return row_; }
-  /// Valid until the next call.
-  const Answer& take() {
-    std::swap(answer_, next_);
-    advance();
-    return answer_;
-  }
-
- private:
-  const PartReader::Query* query_;
-  StreamCounts* met_;
-  HotScan scan_;
-  BodyChain chain_;
-  BrokenRuns broken_;
-  std::int64_t row_ = 0;
-  Answer answer_;
-  Answer next_;
-
-  /// The last hot row that this reader looks at. The table itself says, because rows may have moved since the head was
-  /// read; where it cannot, the head knows.
-  static std::int64_t last_row(Connection& connection, const PartHead& head) {
-    try {
-      const std::int64_t last = connection.integer("SELECT ifnull(max(id), 0) FROM hot");
-      return std::min(last, head.ends.row);
-    } catch (const SqliteError& error) {
-      if (!error.damaged()) {
-        throw;
-      }
-      return head.ends.row;
-    }
-  }
-
-  void advance() {
-    row_ = 0;
-    while (const HotRow* row = scan_.next()) {
-      ++(*met_)[{row->meta.session, row->meta.robot, row->meta.source}].stored;
-      if (row->meta.robot != query_->robot || !query_->sources[static_cast<std::size_t>(row->meta.source)] ||
-          !query_->window.contains(row->meta.t_send_us)) {
-        continue;
-      }
-      const std::string* body = chain_.body(*row);
-      if (body == nullptr) {
-        broken_.bad(row->meta);
-        continue;
-      }
-      broken_.good(row->meta.source);
-      next_.meta = row->meta;
-      next_.body = *body;
-      next_.header = row->header;
-      row_ = row->id;
-      return;
-    }
-    broken_.finish();
-  }
-};
-
-}  // namespace
-
 PartReader::PartReader(const PartHead& head, Report report)
     : head_(&head), report_(std::move(report)), connection_(open_part_for_reading(head.path)) {
   connection_.exec("BEGIN");
 }
 
-void PartReader::answers(const Query& query, const std::function<void(const Answer&)>& yield) {
-  const bool any = std::any_of(head_->counts.begin(), head_->counts.end(), [&](const auto& entry) {
+bool PartReader::worth_reading(const AnswerQuery& query) const {
+  return !head_->damage.empty() || std::any_of(head_->counts.begin(), head_->counts.end(), [&](const auto& entry) {
     const auto& [key, count] = entry;
-    return key.robot == query.robot && query.sources[static_cast<std::size_t>(key.source)] && count.stored > 0 &&
-           count.last_us >= query.window.from_us && count.first_us < query.window.to_us;
+    return query.asks_for(key.robot, key.source) && count.stored > 0 && count.last_us >= query.window.from_us &&
+           count.first_us < query.window.to_us;
   });
-  if (!any && head_->damage.empty()) {
+}
+
+/// Runs `read` with somewhere to report damage and to count what was met; tells what nobody met without being damaged.
+template <class Read>
+void PartReader::counted(const AnswerQuery& query, Read read) {
+  if (!worth_reading(query)) {
     return;
   }
   bool damaged = false;
@@ -153,18 +38,31 @@ void PartReader::answers(const Query& query, const std::function<void(const Answ
     report_(what);
   };
   StreamCounts met;
-  HotAnswers hot(connection_, *head_, query, met, report);
-  BlockScan moved(connection_, *head_, query.robot, query.sources, query.window, met, report);
-  while (hot.row() != 0 || moved.row() != 0) {
-    if (moved.row() == 0 || (hot.row() != 0 && hot.row() < moved.row())) {
-      yield(hot.take());
-    } else {
-      yield(moved.take());
-    }
-  }
+  read(met, report);
   if (!damaged) {
     tell_missing(query.robot, met);
   }
+}
+
+void PartReader::answers(const AnswerQuery& query, const std::function<void(const Answer&)>& yield) {
+  counted(query, [&](StreamCounts& met, const Report& report) {
+    HotAnswers hot(connection_, *head_, query, met, report);
+    BlockScan moved(connection_, *head_, query, met, report);
+    while (hot.row() != 0 || moved.row() != 0) {
+      if (moved.row() == 0 || (hot.row() != 0 && hot.row() < moved.row())) {
+        yield(hot.take());
+      } else {
+        yield(moved.take());
+      }
+    }
+  });
+}
+
+void PartReader::columns(ColumnQuery& query, const std::function<void(ColumnScan&)>& use) {
+  counted(query.answers, [&](StreamCounts& met, const Report& report) {
+    ColumnScan scan(connection_, *head_, query, met, report);
+    use(scan);
+  });
 }
 
 /// Rows can vanish without a trace when a page forgets that it has them; the counts of the head know better.
@@ -252,7 +150,7 @@ PartHead read_part(const std::filesystem::path& path) {
   }
   StreamCounts counts;
   PartReader part(head, [](const std::string&) {});
-  PartReader::Query query;
+  AnswerQuery query;
   query.sources.fill(true);
   for (const RobotId robot : robots) {
     query.robot = robot;

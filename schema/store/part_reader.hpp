@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "schema/row_source.hpp"
+#include "schema/store/answer_query.hpp"
+#include "schema/store/column_scan.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/sqlite.hpp"
 
@@ -14,20 +16,14 @@ namespace tacho::store {
 
 class PartReader {
  public:
-  /// Told of damage, in words.
-  using Report = std::function<void(const std::string&)>;
-
   /// `head` must outlive the reader. Throws SqliteError.
   PartReader(const PartHead& head, Report report);
 
-  struct Query {
-    RobotId robot = 0;
-    std::array<bool, kSourceCount> sources{};
-    Window window;
-  };
   /// Yields the answers of the robot from all tiers of the part, in order of arrival. Bodies outside the window are not
   /// decompressed, but for those since the last keyframe before it. This is the one place that knows the tiers.
-  void answers(const Query& query, const std::function<void(const Answer&)>& yield);
+  void answers(const AnswerQuery& query, const std::function<void(const Answer&)>& yield);
+  /// The same answers as columns: hands `use` a scan, which must read it to its end.
+  void columns(ColumnQuery& query, const std::function<void(ColumnScan&)>& use);
 
   /// What the window touches; by session and time.
   std::vector<Gap> gaps(RobotId robot, Window window);
@@ -40,6 +36,9 @@ class PartReader {
   Report report_;
   Connection connection_;  ///< in one read transaction: rows move into blocks while a log is recorded
 
+  [[nodiscard]] bool worth_reading(const AnswerQuery& query) const;
+  template <class Read>
+  void counted(const AnswerQuery& query, Read read);
   void tell_missing(RobotId robot, const StreamCounts& met) const;
   template <class Row, class Read, class Keep>
   std::vector<Row> records(const char* table, std::int64_t last_id, Read read, Keep keep);

@@ -3,11 +3,16 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iterator>
+#include <limits>
 #include <utility>
 
 namespace tacho::store {
 
 namespace {
+
+constexpr std::int64_t kEnd = std::numeric_limits<std::int64_t>::max();
+constexpr auto kRegisters = static_cast<std::size_t>(Source::registers);
+constexpr auto kInputs = static_cast<std::size_t>(Source::inputs);
 
 /// Moves the rows before `until` (all when empty) from the front of `from` to `to`.
 template <class Row, class Time>
@@ -20,15 +25,19 @@ void move_until(std::vector<Row>& from, std::vector<Row>& to, std::optional<Micr
 
 }  // namespace
 
-Slicer::Slicer(RobotId robot, const Selection& selection, const Yield& yield) : robot_(robot), yield_(&yield) {
+Slicer::Slicer(RobotId robot, const Selection& selection, InputGates& gates, const Yield& yield)
+    : robot_(robot), yield_(&yield), gates_(&gates) {
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (selection.rows[s] || selection.fields[s].any()) {
       builders_[s].emplace(static_cast<Source>(s), selection.fields[s]);
     }
+    reads_[s] = builders_[s].has_value();
   }
+  reads_[kInputs] = reads_[kInputs] || gates.flags().any();
 }
 
 void Slicer::begin_part(PartRecords records) {
+  gates_->begin_part(records.gaps);
   for (Gap& gap : records.gaps) {
     waiting_[gap.session].gaps.push_back(std::move(gap));
   }
@@ -40,43 +49,123 @@ void Slicer::begin_part(PartRecords records) {
   }
 }
 
-void Slicer::add(const Sample& sample) {
-  std::optional<BatchBuilder>& builder = builders_[static_cast<std::size_t>(sample.meta.source)];
-  if (!builder) {
-    return;
+void Slicer::rows(ColumnScan& scan) {
+  scan_ = &scan;
+  while (const std::optional<std::size_t> first = first_lane()) {
+    const Lane& lane = lanes_[*first];
+    const SessionId session = lane.chunks.front().session;
+    const Cut cut = find_cut(session, lane.chunks.front().batch.t_send_us[lane.at]);
+    while (!waiting_.empty() && waiting_.begin()->first < session) {
+      emit(waiting_.begin()->first, std::nullopt);
+    }
+    take_all(cut.place);
+    emit(session, cut.t_us);
   }
-  const Micros t = sample.meta.t_send_us;
-  if (session_ && *session_ != sample.meta.session) {
-    yield_rows(std::nullopt);
-  } else if (session_ && (builder->rows() >= kRows || std::abs(t - first_us_) > kSpanUs)) {
-    yield_rows(t);
-  }
-  if (!session_) {
-    yield_sessions_before(sample.meta.session);
-    session_ = sample.meta.session;
-    first_us_ = t;
-  }
-  builder->append(sample);
+  take_all(kEnd);
+  gates_->catch_up();
 }
 
 void Slicer::end_part() {
-  if (session_) {
-    yield_sessions_before(*session_);
-    yield_rows(std::nullopt);
-  }
+  lanes_ = {};
   while (!waiting_.empty()) {
     emit(waiting_.begin()->first, std::nullopt);
   }
 }
 
-void Slicer::yield_rows(std::optional<Micros> until_us) {
-  emit(*session_, until_us);
-  session_.reset();
+/// Reads on until the lane has its chunk number `chunk`. False: it has none that begins before the place `before`.
+bool Slicer::fill(std::size_t source, std::size_t chunk, std::int64_t before) {
+  Lane& lane = lanes_[source];
+  while (lane.chunks.size() <= chunk) {
+    Chunk next;
+    if (!reads_[source] || !scan_->next(static_cast<Source>(source), before, next)) {
+      return false;
+    }
+    lane.chunks.push_back(std::move(next));
+  }
+  return true;
 }
 
-void Slicer::yield_sessions_before(SessionId session) {
-  while (!waiting_.empty() && waiting_.begin()->first < session) {
-    emit(waiting_.begin()->first, std::nullopt);
+/// The lane with the next row in order of arrival, of those that somebody asked for.
+std::optional<std::size_t> Slicer::first_lane() {
+  std::optional<std::size_t> first;
+  std::int64_t place = kEnd;
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    if (builders_[s] && fill(s, 0, place) && lanes_[s].chunks.front().place[lanes_[s].at] < place) {
+      first = s;
+      place = lanes_[s].chunks.front().place[lanes_[s].at];
+    }
+  }
+  return first;
+}
+
+/// Where the slice that begins with the next row ends.
+Slicer::Cut Slicer::find_cut(SessionId session, Micros first_us) {
+  Cut cut{kEnd, std::nullopt};
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    if (builders_[s]) {
+      shorten(s, session, first_us, cut);
+    }
+  }
+  return cut;
+}
+
+/// Brings the cut forward to the first row of this source that does not belong to the slice.
+void Slicer::shorten(std::size_t source, SessionId session, Micros first_us, Cut& cut) {
+  const Lane& lane = lanes_[source];
+  std::size_t rows = 0;
+  for (std::size_t number = 0; fill(source, number, cut.place); ++number) {
+    const Chunk& chunk = lane.chunks[number];
+    const std::size_t begin = number == 0 ? lane.at : 0;
+    if (chunk.place[begin] >= cut.place) {
+      return;
+    }
+    if (chunk.session != session) {
+      cut = {chunk.place[begin], std::nullopt};
+      return;
+    }
+    const std::vector<Micros>& t = chunk.batch.t_send_us;
+    const auto room = static_cast<std::ptrdiff_t>(std::min(t.size() - begin, kRows - rows));
+    const auto from = t.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto far = std::find_if(from, from + room, [&](Micros at) { return std::abs(at - first_us) > kSpanUs; });
+    if (const auto row = static_cast<std::size_t>(far - t.begin()); row < t.size()) {
+      if (chunk.place[row] < cut.place) {
+        cut = {chunk.place[row], t[row]};
+      }
+      return;
+    }
+    rows += static_cast<std::size_t>(room);
+  }
+}
+
+/// Moves the rows before a place to the slice.
+void Slicer::take_all(std::int64_t before) {
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    take_rows(s, before);
+  }
+}
+
+void Slicer::take_rows(std::size_t source, std::int64_t before) {
+  Lane& lane = lanes_[source];
+  while (fill(source, 0, before)) {
+    const Chunk& chunk = lane.chunks.front();
+    const auto begin = chunk.place.begin() + static_cast<std::ptrdiff_t>(lane.at);
+    const auto end = std::lower_bound(begin, chunk.place.end(), before);
+    const auto last = static_cast<std::size_t>(end - chunk.place.begin());
+    if (source == kInputs && gates_->flags().any()) {
+      gates_->inputs(chunk.session, chunk.batch, chunk.place, lane.at, last);
+    }
+    if (source == kRegisters && gates_->needed()) {
+      register_places_.insert(register_places_.end(), begin, end);
+    }
+    if (builders_[source]) {
+      builders_[source]->append(chunk.batch, lane.at, last);
+    }
+    lane.at = last;
+    if (end != chunk.place.end()) {
+      return;
+    }
+    lane.chunks.pop_front();
+    lane.at = 0;
   }
 }
 
@@ -85,10 +174,15 @@ void Slicer::emit(SessionId session, std::optional<Micros> until_us) {
   slice.robot = robot_;
   slice.session = session;
   for (std::optional<BatchBuilder>& builder : builders_) {
-    if (session_ == session && builder && builder->rows() > 0) {
+    if (builder && builder->rows() > 0) {
       slice.batches.push_back(builder->take());
+      if (slice.batches.back().source == Source::registers && gates_->needed()) {
+        gates_->apply(session, register_places_, slice.batches.back());
+      }
     }
   }
+  gates_->catch_up();
+  register_places_.clear();
   if (const auto found = waiting_.find(session); found != waiting_.end()) {
     Waiting& waiting = found->second;
     move_until(waiting.gaps, slice.gaps, until_us, [](const Gap& g) { return g.t_from_us; });

@@ -122,7 +122,7 @@ Cell decode_cell(const Field& field, double value) {
   }
   cell.state = is_sentinel(field.sentinel, value) ? State::not_supplied : State::present;
   if (field.kind == Kind::real) {
-    cell.real = value * field.reg.scale;
+    cell.real = without_minus_zero(field.sentinel, value * field.reg.scale);
   } else {
     cell.integer = static_cast<std::int64_t>(value);
   }

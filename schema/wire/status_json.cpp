@@ -80,8 +80,6 @@ class Decoding {
   std::array<std::optional<element>, kAlarmFields.size()> alarms_;
   std::array<std::optional<element>, kSolutionFields.size()> solutions_;
   std::array<std::optional<element>, kPointFields.size()> points_;
-  std::array<std::size_t, kAlarmFields.size()> alarm_order_{};
-  std::size_t alarm_arrays_ = 0;
   std::optional<element> nested_alarms_;
 
   void walk(NodeId node, simdjson::dom::object object, RawMembers& raw) {
@@ -135,10 +133,7 @@ class Decoding {
     if (field == kNestedAlarmsField) {
       nested_alarms_ = nested_alarms_.value_or(value);
     } else if (kFields[field].kind == Kind::alarms) {
-      const std::size_t level = keep(alarms_, kAlarmFields, field, value);
-      if (level < alarms_.size()) {
-        alarm_order_[alarm_arrays_++] = level;
-      }
+      keep(alarms_, kAlarmFields, field, value);
     } else if (kFields[field].kind == Kind::points) {
       keep(points_, kPointFields, field, value);
     } else if (kFields[field].kind == Kind::structured) {
@@ -146,16 +141,14 @@ class Decoding {
     }
   }
 
-  /// The slot filled, or N when `field` is none of `fields` or came before.
+  /// Nothing when `field` is none of `fields` or came before.
   template <std::size_t N>
-  static std::size_t keep(std::array<std::optional<element>, N>& slots, const std::array<FieldIndex, N>& fields,
-                          FieldIndex field, element value) {
+  static void keep(std::array<std::optional<element>, N>& slots, const std::array<FieldIndex, N>& fields,
+                   FieldIndex field, element value) {
     const auto slot = static_cast<std::size_t>(std::find(fields.begin(), fields.end(), field) - fields.begin());
-    if (slot == N || slots[slot].has_value()) {
-      return N;
+    if (slot < N && !slots[slot]) {
+      slots[slot] = value;
     }
-    slots[slot] = value;
-    return slot;
   }
 
   Cell decode_cell(const Field& field, element value, RawMembers& raw, std::size_t index) {
@@ -192,7 +185,7 @@ class Decoding {
       number = -0.0;  // the parser reads "-0" as the integer 0
     }
     const State state = is_sentinel(field.sentinel, number) ? State::not_supplied : State::present;
-    return Cell{state, number * field.json.scale, 0};
+    return Cell{state, without_minus_zero(field.sentinel, number * field.json.scale), 0};
   }
 
   static Cell integer_cell(const Field& field, std::optional<std::int64_t> number) {
@@ -213,10 +206,11 @@ class Decoding {
 
   void decode_lists() {
     if (any_of(needed_, kAlarmFields)) {
-      for (std::size_t i = 0; i < alarm_arrays_; ++i) {
-        const std::size_t level = alarm_order_[i];
-        tell_odd(decode_alarms(static_cast<AlarmLevel>(level), *alarms_[level], unknown_, out_), "",
-                 kAlarmFields[level]);
+      for (std::size_t level = 0; level < alarms_.size(); ++level) {
+        if (alarms_[level]) {
+          tell_odd(decode_alarms(static_cast<AlarmLevel>(level), *alarms_[level], unknown_, out_), "",
+                   kAlarmFields[level]);
+        }
       }
       decode_nested_alarms();
       for (std::size_t level = 0; level < solutions_.size(); ++level) {

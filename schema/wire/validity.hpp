@@ -47,4 +47,9 @@ inline bool is_sentinel(Sentinel sentinel, double value) {
   return false;
 }
 
+/// -0 is 0, but where it is a mark.
+inline double without_minus_zero(Sentinel sentinel, double value) {
+  return sentinel == Sentinel::negative_zero ? value : value + 0.0;
+}
+
 }  // namespace tacho::wire

@@ -22,18 +22,13 @@ Rows rows_of(const fs::path& part) {
           connection.integer("SELECT ifnull(sum(rows), 0) FROM block")};
 }
 
-/// All answers of all sources in the order the decoder meets them.
+/// All answers of all sources in the order the reader gives them.
 std::vector<std::pair<Source, std::uint64_t>> order_of(const fs::path& log) {
   std::vector<std::pair<Source, std::uint64_t>> order;
-  const auto decode = [&](const Answer& answer, const Stream&, const FieldSet&, Gates&, Sample& out) {
-    out.clear();
-    order.emplace_back(answer.meta.source, answer.meta.seq);
-  };
-  const std::vector<fs::path> paths{log};
-  store::LogReader reader(paths, decode);
-  Selection selection;
-  selection.rows.fill(true);
-  reader.read(1, {}, selection, [](const Slice&) {});
+  store::LogReader reader = open_reader(log);
+  for (std::size_t part = 0; part < reader.parts().size(); ++part) {
+    reader.part_answers(part, 1, [&](const Answer& a) { order.emplace_back(a.meta.source, a.meta.seq); });
+  }
   return order;
 }
 

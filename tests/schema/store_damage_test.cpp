@@ -111,11 +111,11 @@ TEST_CASE("parts of different logs are refused, copies of a part are read once")
   const std::uint64_t rows = write_parts(dir / "a");
   write_parts(dir / "b");
   const std::vector<fs::path> both{dir / "a", dir / "b"};
-  CHECK_THROWS_WITH(store::LogReader(both, decode_x), Catch::Contains("different logs"));
+  CHECK_THROWS_WITH(store::LogReader(both, {decode_x, {}}), Catch::Contains("different logs"));
 
   fs::copy_file(part_files(dir / "a")[1], dir / "a" / "part-000002 (copy).db");
   const std::vector<fs::path> twice{dir / "a", part_files(dir / "a")[0]};
-  store::LogReader log(twice, decode_x);
+  store::LogReader log(twice, {decode_x, {}});
   CHECK(check_honest(log) == rows);
   CHECK(coverage_of(log).stored == rows);
   REQUIRE(log.problems().size() == 1);

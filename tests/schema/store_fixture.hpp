@@ -109,7 +109,7 @@ inline void decode_x(const Answer& answer, const Stream&, const FieldSet&, Gates
 
 inline store::LogReader open_reader(const std::filesystem::path& path) {
   const std::vector<std::filesystem::path> paths{path};
-  return store::LogReader(paths, decode_x);
+  return store::LogReader(paths, {decode_x, {}});
 }
 
 struct Stored {

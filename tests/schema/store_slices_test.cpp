@@ -261,30 +261,30 @@ TEST_CASE("the decoder is handed the stream of the row and the flags of the inpu
     recording.end();
   }
   int inputs = 0;
-  int gated = 0;
-  const auto decode = [&](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates,
-                          Sample& out) {
+  const auto decode = [&](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates&, Sample& out) {
     out.clear();
     CHECK(stream.source == answer.meta.source);
     if (answer.meta.source == Source::inputs) {
       ++inputs;
       CHECK(wanted[field("blocked")]);
-      gates.known.set(field("blocked"));
+      out.cells[field("blocked")] = {State::present, 0.0, 1};
     } else {
       CHECK(stream.word_order == WordOrder::badc);
       CHECK(answer.body == "registers");
-      gated += gates.known[field("blocked")] ? 1 : 0;
+      out.cells[field("block_reason")] = {State::present, 0.0, 2};
     }
   };
   const std::vector<std::filesystem::path> paths{dir.path()};
-  store::LogReader log(paths, decode);
+  store::LogReader log(paths, {decode, {}});
   Selection selection;
   selection.add(Source::registers, field("block_reason"));
   std::size_t batches = 0;
-  log.read(1, {}, selection, [&](const Slice& slice) { batches += slice.batches.size(); });
+  log.read(1, {}, selection, [&](const Slice& slice) {
+    batches += slice.batches.size();
+    CHECK(slice.batches.front().columns.front().state == std::vector<State>(3, State::present));
+  });
   CHECK(batches == 1);
   CHECK(inputs == 3);
-  CHECK(gated == 3);
 }
 
 TEST_CASE("flags of the inputs count for registers until the inputs have a gap, and again after it") {
@@ -308,19 +308,22 @@ TEST_CASE("flags of the inputs count for registers until the inputs have a gap, 
     w.add(partial);
     recording.end();
   }
-  std::vector<bool> known;
-  const auto decode = [&](const Answer& answer, const Stream&, const FieldSet&, Gates& gates, Sample& out) {
+  const auto decode = [&](const Answer& answer, const Stream&, const FieldSet&, Gates&, Sample& out) {
     out.clear();
-    if (answer.meta.source == Source::inputs) {
-      gates.known.set(field("blocked"));
-    } else {
-      known.push_back(gates.known[field("blocked")]);
-    }
+    const bool flags = answer.meta.source == Source::inputs;
+    out.cells[flags ? field("blocked") : field("block_reason")] = {State::present, 0.0, 1};
   };
   const std::vector<std::filesystem::path> paths{dir.path()};
-  store::LogReader log(paths, decode);
+  store::LogReader log(paths, {decode, {}});
   Selection selection;
   selection.add(Source::registers, field("block_reason"));
-  log.read(1, {}, selection, [](const Slice&) {});
+  std::vector<bool> known;
+  log.read(1, {}, selection, [&](const Slice& slice) {
+    for (const Batch& batch : slice.batches) {
+      for (const State state : batch.columns.front().state) {
+        known.push_back(state == State::present);
+      }
+    }
+  });
   CHECK(known == std::vector<bool>{true, true, true, false, false, true, true, true, true});
 }

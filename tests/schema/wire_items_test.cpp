@@ -137,7 +137,8 @@ TEST_CASE("asking for one level decodes the lists whole", "[wire]") {
   decoder.decode(R"({"errors":[{"1":1}],"fatals":[{"2":1}],"errors_solution":[{"1":{"method":"how"}}],"DI":[true]})",
                  FieldSet().set(field("fatals")), false, s);
   CHECK(s.alarms.size() == 2);
-  CHECK(s.texts.at(s.alarms[0].solution) == "how");
+  CHECK(s.alarms[0].code == 2);
+  CHECK(s.texts.at(s.alarms[1].solution) == "how");
   CHECK(s.at(field("errors_solution")).state == State::absent);
   CHECK(s.points.empty());
 }

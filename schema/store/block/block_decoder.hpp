@@ -59,6 +59,8 @@ class BlockDecoder {
   /// What is wrong with head or directory, or nothing. Nothing else may be called when something is wrong.
   [[nodiscard]] std::string open(std::string_view block);
   [[nodiscard]] const BlockHead& head() const { return head_; }
+  /// Names of everything in the block; empty when the shapes are damaged, which every read() says.
+  [[nodiscard]] const ShapeTable& shapes() const { return *table_; }
 
   /// Columns of the leaves. Empty when the shapes are damaged.
   [[nodiscard]] std::vector<ColumnInfo> columns() const;

@@ -1,5 +1,6 @@
 #include "schema/store/block/image_text.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include "schema/fields.hpp"
@@ -53,10 +54,10 @@ std::uint32_t addresses_of(char letter) {
   return letter == 'b' ? kBits : static_cast<std::uint32_t>(bytes_of(letter) / 2);
 }
 
-std::string leaf_path(char letter, std::uint32_t address) {
-  std::string path = (letter == 'b' ? "1x" : "3x") + std::to_string(address);
-  if (const std::uint32_t count = addresses_of(letter); count > 1) {
-    path += "-" + std::to_string(address + count - 1);
+std::string leaf_path(char letter, std::uint32_t first, std::uint32_t last) {
+  std::string path = (letter == 'b' ? "1x" : "3x") + std::to_string(first);
+  if (last > first) {
+    path += "-" + std::to_string(last);
   }
   return path;
 }
@@ -100,6 +101,7 @@ bool name_registers(std::string_view shape, bool discrete, std::vector<ImageHole
     const std::string head(shape.substr(0, kHeadBytes));
     std::uint32_t address = word_at(shape, 0);
     const std::uint32_t count = word_at(shape, 2);
+    const std::uint32_t end = address + count;
     std::size_t left = discrete ? (count + 7) / 8 : std::size_t{2} * count;
     shape.remove_prefix(kHeadBytes);
     for (bool first = true; left > 0; first = false) {
@@ -108,7 +110,8 @@ bool name_registers(std::string_view shape, bool discrete, std::vector<ImageHole
       if (size == 0 || size > left || (letter == 'b') != discrete || holes.size() >= kMaxLeaves) {
         return false;
       }
-      holes.push_back({leaf_path(letter, address), letter, first ? head : std::string()});
+      const std::uint32_t last = std::min(address + addresses_of(letter), end) - 1;
+      holes.push_back({leaf_path(letter, address, last), letter, first ? head : std::string(), address, last});
       shape.remove_prefix(1);
       left -= size;
       address += addresses_of(letter);
@@ -117,6 +120,8 @@ bool name_registers(std::string_view shape, bool discrete, std::vector<ImageHole
   return !holes.empty();
 }
 
-std::string register_path(std::uint32_t address, bool pair) { return leaf_path(pair ? 'f' : 'w', address); }
+std::string register_path(std::uint32_t address, bool pair) {
+  return leaf_path('w', address, address + (pair ? 1 : 0));
+}
 
 }  // namespace tacho::store

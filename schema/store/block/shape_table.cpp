@@ -49,7 +49,7 @@ bool ShapeTable::name(Shape& shape, std::vector<Named>& names) const {
     }
     for (ImageHole& hole : holes) {
       shape.pieces.push_back(std::move(hole.before));
-      names.push_back({std::move(hole.path), type_of(hole.letter)});
+      names.push_back({std::move(hole.path), type_of(hole.letter), hole.first, hole.last});
     }
     shape.pieces.emplace_back();
     return true;
@@ -59,7 +59,7 @@ bool ShapeTable::name(Shape& shape, std::vector<Named>& names) const {
     return false;
   }
   for (JsonHole& hole : holes) {
-    names.push_back({std::move(hole.path), LeafType::json});
+    names.push_back({std::move(hole.path), LeafType::json, 0, 0});
   }
   shape.pieces = cut_at_holes(shape.text);
   return shape.pieces.size() == names.size() + 1;
@@ -73,18 +73,22 @@ bool ShapeTable::add(std::string_view text) {
     return false;
   }
   std::unordered_map<std::string, std::uint32_t> seen;  // in this shape
+  std::uint32_t last = 0;
   for (Named& named : names) {
+    ambiguous_ = ambiguous_ || (is_image(source_) && named.first <= last);
+    last = named.last;
     std::vector<std::uint32_t>& known = by_path_[named.path];
     const std::uint32_t occurrence = seen[named.path]++;
     if (occurrence == known.size()) {
       known.push_back(static_cast<std::uint32_t>(columns_.size()));
-      columns_.push_back({std::move(named.path), occurrence, named.type, 0});
+      columns_.push_back({std::move(named.path), occurrence, named.type, 0, named.first, named.last});
     }
     shape.columns.push_back(known[occurrence]);
     ++columns_[known[occurrence]].shapes;
   }
   for (const JsonObject& object : shape.objects) {
     objects_.insert(object.path);
+    ambiguous_ = ambiguous_ || seen.count(object.path) > 0;
   }
   shapes_.push_back(std::move(shape));
   return true;

@@ -32,6 +32,8 @@ struct LeafColumn {
   std::uint32_t occurrence = 0;  ///< which of several leaves of the same path in one answer, from 0
   LeafType type = LeafType::json;
   std::uint32_t shapes = 0;  ///< how many shapes have it
+  std::uint32_t first = 0;   ///< images: addresses in it
+  std::uint32_t last = 0;
 };
 
 class ShapeTable {
@@ -49,6 +51,9 @@ class ShapeTable {
   /// Column of the first leaf of that path.
   [[nodiscard]] std::optional<std::uint32_t> find(const std::string& path) const;
   [[nodiscard]] bool has_object(const std::string& path) const { return objects_.count(path) > 0; }
+  /// Some answer says one thing twice, in a way that makes columns lose which came first: a key with an object and
+  /// with something else, or a register in two ranges.
+  [[nodiscard]] bool ambiguous() const { return ambiguous_; }
 
  private:
   Source source_;
@@ -56,10 +61,13 @@ class ShapeTable {
   std::vector<LeafColumn> columns_;
   std::unordered_map<std::string, std::vector<std::uint32_t>> by_path_;  ///< element i: occurrence i
   std::unordered_set<std::string> objects_;                              ///< paths of all objects
+  bool ambiguous_ = false;
 
   struct Named {
     std::string path;
     LeafType type;
+    std::uint32_t first = 0;
+    std::uint32_t last = 0;
   };
   bool name(Shape& shape, std::vector<Named>& names) const;
 };

@@ -1,0 +1,540 @@
+#include "schema/column_decoder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "schema/store/block/image_text.hpp"
+#include "schema/wire/registers.hpp"
+#include "schema/wire/status_json.hpp"
+#include "schema/wire/validity.hpp"
+
+namespace tacho {
+
+namespace {
+
+using store::BlockDecoder;
+using store::ColumnValues;
+using store::ValueKind;
+using store::Want;
+
+constexpr std::size_t kValueKinds = 8;
+using StateOf = std::array<State, kValueKinds>;
+
+/// State of a value before marks and conditions: `good` kinds are present.
+constexpr StateOf states(std::initializer_list<ValueKind> good) {
+  StateOf table{};
+  table.fill(State::wrong_type);
+  table[static_cast<std::size_t>(ValueKind::absent)] = State::absent;
+  table[static_cast<std::size_t>(ValueKind::null)] = State::null;
+  for (const ValueKind kind : good) {
+    table[static_cast<std::size_t>(kind)] = State::present;
+  }
+  return table;
+}
+
+constexpr StateOf kReal = states({ValueKind::number, ValueKind::whole});
+constexpr StateOf kWhole = states({ValueKind::whole});
+constexpr StateOf kFlag = states({ValueKind::flag, ValueKind::whole});
+constexpr StateOf kText = states({ValueKind::text});
+constexpr StateOf kList = states({ValueKind::array});
+constexpr StateOf kStructured = states({ValueKind::array, ValueKind::object});
+
+bool is_list(Kind kind) { return kind == Kind::alarms || kind == Kind::points; }
+bool has_text(Kind kind) { return kind == Kind::text || kind == Kind::list || kind == Kind::structured; }
+
+void set_states(const StateOf& table, const std::vector<ValueKind>& kinds, std::vector<State>& out) {
+  out.resize(kinds.size());
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    out[i] = table[static_cast<std::size_t>(kinds[i])];
+  }
+}
+
+bool any_absent(const std::vector<ValueKind>& kinds) {
+  return std::find(kinds.begin(), kinds.end(), ValueKind::absent) != kinds.end();
+}
+
+/// Takes the rows of `other` where `values` has none.
+void fill_absent(const ColumnValues& other, ColumnValues& values) {
+  const auto take = [&](auto& to, const auto& from, std::size_t row) {
+    if (!to.empty()) {
+      to[row] = from[row];
+    }
+  };
+  for (std::size_t row = 0; row < values.kind.size(); ++row) {
+    if (values.kind[row] == ValueKind::absent) {
+      values.kind[row] = other.kind[row];
+      take(values.real, other.real, row);
+      take(values.integer, other.integer, row);
+      take(values.text, other.text, row);
+    }
+  }
+}
+
+/// Values of a real field as the robot sent them -> column.
+void put_reals(const Field& field, double scale, std::vector<double>& values, Column& out) {
+  if (field.sentinel != Sentinel::none) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (out.state[i] == State::present && wire::is_sentinel(field.sentinel, values[i])) {
+        out.state[i] = State::not_supplied;
+      }
+    }
+  }
+  std::swap(out.real, values);
+  for (double& value : out.real) {
+    value = wire::without_minus_zero(field.sentinel, value * scale);
+  }
+}
+
+void put_integers(const Field& field, std::vector<std::int64_t>& values, Column& out) {
+  if (field.sentinel != Sentinel::none) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (out.state[i] == State::present && wire::is_sentinel(field.sentinel, static_cast<double>(values[i]))) {
+        out.state[i] = State::not_supplied;
+      }
+    }
+  }
+  std::swap(out.integer, values);
+}
+
+/// Rows without a value hold zeros, as cells do.
+void clear_missing(Column& column) {
+  for (std::size_t i = 0; i < column.state.size(); ++i) {
+    if (column.state[i] == State::absent || column.state[i] == State::null || column.state[i] == State::wrong_type) {
+      if (!column.real.empty()) {
+        column.real[i] = 0.0;
+      }
+      if (!column.integer.empty()) {
+        column.integer[i] = 0;
+      }
+    }
+  }
+}
+
+void fill_absent_column(std::size_t rows, Column& out) {
+  const bool real = kFields[out.field].kind == Kind::real;
+  out.state.assign(rows, State::absent);
+  out.real.assign(real ? rows : 0, 0.0);
+  out.integer.assign(real ? 0 : rows, 0);
+}
+
+bool given(State state) { return state == State::present || state == State::not_supplied; }
+
+/// Lists of more than scalars, and what their decoding needs beside them.
+const std::vector<FieldIndex>& list_fields(bool points) {
+  static const std::vector<FieldIndex> kAlarms{
+      field("fatals"),          field("errors"),          field("warnings"),        field("notices"),
+      field("alarms"),          field("fatals_solution"), field("errors_solution"), field("warnings_solution"),
+      field("notices_solution")};
+  static const std::vector<FieldIndex> kPoints{field("di"), field("do")};
+  return points ? kPoints : kAlarms;
+}
+
+}  // namespace
+
+struct ColumnDecoder::Impl {
+  wire::JsonDecoder json;
+  ColumnValues values;
+  ColumnValues other;
+  TextPool scratch;  ///< texts that nobody keeps
+  // Of the block that is being decoded:
+  BlockDecoder* block = nullptr;
+  Batch* out = nullptr;
+  std::string* damage = nullptr;
+
+  [[nodiscard]] bool good() const { return damage->empty(); }
+
+  bool read(std::string_view path, Want want, TextPool& pool, ColumnValues& into) {
+    *damage = block->read(std::string(path), want, pool, into);
+    return good();
+  }
+
+  // --- answers in JSON
+
+  /// A field in its present or former spelling.
+  bool read_field(const Field& field, Want want, TextPool& pool) {
+    if (!read(field.json.key, want, pool, values)) {
+      return false;
+    }
+    if (!field.json.former_key.empty() && any_absent(values.kind)) {
+      if (!read(field.json.former_key, want, pool, other)) {
+        return false;
+      }
+      fill_absent(other, values);
+    }
+    return true;
+  }
+
+  /// What stands where an object was expected says why a field in it is missing.
+  bool explain_absent(const Field& field, Column& column) {
+    for (std::size_t dot = field.json.key.find('.'); dot != std::string_view::npos;
+         dot = field.json.key.find('.', dot + 1)) {
+      const std::string parent(field.json.key.substr(0, dot));
+      if (!block->shapes().find(parent) ||
+          std::find(column.state.begin(), column.state.end(), State::absent) == column.state.end()) {
+        continue;
+      }
+      if (!read(parent, {}, scratch, other)) {
+        return false;
+      }
+      for (std::size_t row = 0; row < column.state.size(); ++row) {
+        const ValueKind kind = other.kind[row];
+        if (column.state[row] == State::absent && kind != ValueKind::absent && kind != ValueKind::object) {
+          column.state[row] = kind == ValueKind::null ? State::null : State::wrong_type;
+        }
+      }
+    }
+    return true;
+  }
+
+  bool json_column(Column& column) {
+    const Field& field = kFields[column.field];
+    if (field.json.key.empty()) {
+      fill_absent_column(block->head().rows, column);
+      return true;
+    }
+    const Want want{field.kind == Kind::real, field.kind != Kind::real && !has_text(field.kind), has_text(field.kind)};
+    if (!read_field(field, want, out->texts)) {
+      return false;
+    }
+    switch (field.kind) {
+      case Kind::real:
+        set_states(kReal, values.kind, column.state);
+        put_reals(field, field.json.scale, values.real, column);
+        break;
+      case Kind::integer:
+      case Kind::code:
+        set_states(kWhole, values.kind, column.state);
+        put_integers(field, values.integer, column);
+        break;
+      case Kind::flag:
+        set_states(kFlag, values.kind, column.state);
+        for (std::size_t i = 0; i < column.state.size(); ++i) {
+          if (column.state[i] == State::present && (values.integer[i] | 1) != 1) {
+            column.state[i] = State::wrong_type;
+          }
+        }
+        std::swap(column.integer, values.integer);
+        break;
+      default:
+        set_states(field.kind == Kind::text   ? kText
+                   : field.kind == Kind::list ? kList
+                                              : kStructured,
+                   values.kind, column.state);
+        column.integer.assign(values.text.begin(), values.text.end());
+        break;
+    }
+    clear_missing(column);
+    return explain_absent(field, column);
+  }
+
+  /// The flag that a condition names, asked for or not.
+  const Column* condition_column(FieldIndex flag, std::vector<Column>& extra) {
+    if (const Column* const column = out->find(flag)) {
+      return column;
+    }
+    Column column;
+    column.field = flag;
+    if (!json_column(column)) {
+      return nullptr;
+    }
+    extra.push_back(std::move(column));
+    return &extra.back();
+  }
+
+  bool apply_conditions() {
+    std::vector<Column> extra;
+    extra.reserve(out->columns.size());
+    for (Column& column : out->columns) {
+      const FieldIndex flag = wire::kConditionOf[column.field];
+      if (flag == kNoField || std::none_of(column.state.begin(), column.state.end(), given)) {
+        continue;
+      }
+      const Column* gate = nullptr;
+      for (const Column& known : extra) {
+        gate = known.field == flag ? &known : gate;
+      }
+      gate = gate == nullptr ? condition_column(flag, extra) : gate;
+      if (gate == nullptr) {
+        return false;
+      }
+      for (std::size_t i = 0; i < column.state.size(); ++i) {
+        if (given(column.state[i]) && !(gate->has(i) && gate->integer[i] != 0)) {
+          column.state[i] = State::not_meaningful;
+        }
+      }
+    }
+    return true;
+  }
+
+  // Arrays that change rarely are few distinct texts: each combination of them is decoded once, as an answer of its
+  // own.
+
+  static void append_value(ValueKind kind, std::string_view text, std::string& body) {
+    switch (kind) {
+      case ValueKind::array:
+      case ValueKind::object:
+        body += text;
+        return;
+      case ValueKind::null:
+        body += "null";
+        return;
+      default:
+        body += "0";  // every other kind is as wrong as this one
+    }
+  }
+
+  bool lists(bool points) {
+    FieldSet wanted;
+    for (const Column& column : out->columns) {
+      const Kind kind = kFields[column.field].kind;
+      if (kind == (points ? Kind::points : Kind::alarms)) {
+        wanted.set(column.field);
+      }
+    }
+    if (wanted.none()) {
+      return true;
+    }
+    const std::size_t rows = block->head().rows;
+    const std::vector<FieldIndex>& fields = list_fields(points);
+    std::vector<ColumnValues> read_values;
+    for (const FieldIndex f : fields) {
+      if (!read_field(kFields[f], {false, false, true}, scratch)) {
+        return false;
+      }
+      read_values.push_back(std::exchange(values, {}));
+    }
+    std::map<std::vector<std::uint64_t>, std::size_t> known;
+    std::vector<Sample> samples;
+    std::vector<std::uint64_t> key(fields.size());
+    std::vector<std::uint64_t> last;
+    std::size_t sample = 0;
+    start_lists(points);
+    for (std::size_t row = 0; row < rows; ++row) {
+      for (std::size_t i = 0; i < fields.size(); ++i) {
+        key[i] = static_cast<std::uint64_t>(read_values[i].kind[row]) << 32U | read_values[i].text[row];
+      }
+      if (key != last) {
+        last = key;
+        const auto [found, added] = known.try_emplace(key, samples.size());
+        sample = found->second;
+        if (added) {
+          decode_lists(fields, read_values, row, wanted, samples.emplace_back());
+        }
+      }
+      append_lists(samples[sample], points);
+    }
+    return true;
+  }
+
+  void decode_lists(const std::vector<FieldIndex>& fields, const std::vector<ColumnValues>& read_values,
+                    std::size_t row, const FieldSet& wanted, Sample& sample) {
+    std::string body = "{";
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      const ValueKind kind = read_values[i].kind[row];
+      if (kind != ValueKind::absent) {
+        body += body.size() > 1 ? ",\"" : "\"";
+        body += kFields[fields[i]].json.key;
+        body += "\":";
+        append_value(kind, scratch.at(read_values[i].text[row]), body);
+      }
+    }
+    body += '}';
+    json.decode(body, wanted, false, sample);
+    const auto move_text = [&](std::uint32_t id) { return out->texts.intern(sample.texts.at(id)); };
+    for (AlarmItem& item : sample.alarms) {
+      item.desc = move_text(item.desc);
+      item.solution = move_text(item.solution);
+    }
+    for (IoPoint& point : sample.points) {
+      point.source = move_text(point.source);
+    }
+  }
+
+  void start_lists(bool points) {
+    for (Column& column : out->columns) {
+      if (kFields[column.field].kind == (points ? Kind::points : Kind::alarms)) {
+        column.state.clear();
+        column.integer.clear();
+      }
+    }
+    (points ? out->point_begin : out->alarm_begin).assign(1, 0);
+  }
+
+  void append_lists(const Sample& sample, bool points) {
+    for (Column& column : out->columns) {
+      if (kFields[column.field].kind == (points ? Kind::points : Kind::alarms)) {
+        column.state.push_back(sample.at(column.field).state);
+        column.integer.push_back(sample.at(column.field).integer);
+      }
+    }
+    if (points) {
+      out->points.insert(out->points.end(), sample.points.begin(), sample.points.end());
+      out->point_begin.push_back(static_cast<std::uint32_t>(out->points.size()));
+    } else {
+      out->alarms.insert(out->alarms.end(), sample.alarms.begin(), sample.alarms.end());
+      out->alarm_begin.push_back(static_cast<std::uint32_t>(out->alarms.size()));
+      out->alarms_incomplete.push_back(sample.alarms_incomplete);
+    }
+  }
+
+  bool decode_json() {
+    for (Column& column : out->columns) {
+      if (!is_list(kFields[column.field].kind) && !json_column(column)) {
+        return false;
+      }
+    }
+    return apply_conditions() && lists(false) && lists(true);
+  }
+
+  // --- register images
+
+  /// Images have no lists.
+  void no_lists() {
+    const std::size_t rows = block->head().rows;
+    if (!out->alarm_begin.empty()) {
+      out->alarm_begin.assign(rows + 1, 0);
+      out->alarms_incomplete.assign(rows, {});
+    }
+    if (!out->point_begin.empty()) {
+      out->point_begin.assign(rows + 1, 0);
+    }
+  }
+
+  bool register_column(WordOrder order, Column& column) {
+    const Field& field = kFields[column.field];
+    const bool pair = field.reg.words() == 2;
+    const WordOrder taken = block->head().order;
+    const bool as_reals = field.reg.type == RegisterType::f32 && taken == order;
+    if (!read(store::register_path(field.reg.address, pair), {as_reals, !as_reals, false}, scratch, values)) {
+      return false;
+    }
+    column.state.resize(values.kind.size());
+    values.real.resize(values.kind.size());
+    for (std::size_t i = 0; i < values.kind.size(); ++i) {
+      column.state[i] = values.kind[i] == ValueKind::absent ? State::absent : State::present;
+      if (!as_reals) {
+        values.real[i] = number(field.reg.type, values.integer[i], taken, order);
+      }
+      if (!std::isfinite(values.real[i])) {
+        column.state[i] = State::wrong_type;
+      }
+    }
+    if (field.kind == Kind::real) {
+      put_reals(field, field.reg.scale, values.real, column);
+    } else {
+      values.integer.resize(values.kind.size());
+      for (std::size_t i = 0; i < values.kind.size(); ++i) {
+        values.integer[i] = column.state[i] == State::present ? static_cast<std::int64_t>(values.real[i]) : 0;
+      }
+      put_integers(field, values.integer, column);
+    }
+    clear_missing(column);
+    return true;
+  }
+
+  /// `bits` as the block gives them, which took pairs of words in the order `taken`.
+  static double number(RegisterType type, std::int64_t bits, WordOrder taken, WordOrder order) {
+    const auto word = static_cast<std::uint32_t>(bits);
+    const auto joined = [&] {
+      std::uint16_t first = 0;
+      std::uint16_t second = 0;
+      wire::split_words(word, taken, first, second);
+      return wire::join_words(first, second, order);
+    };
+    switch (type) {
+      case RegisterType::i16:
+        return static_cast<std::int16_t>(word);
+      case RegisterType::i32:
+        return static_cast<std::int32_t>(joined());
+      case RegisterType::f32:
+        return static_cast<double>(std::bit_cast<float>(joined()));
+      case RegisterType::u16:
+      case RegisterType::none:
+        break;
+    }
+    return word;
+  }
+
+  /// False: the block has the words of a pair one by one, because some range ended between them.
+  bool decode_registers(WordOrder order) {
+    no_lists();
+    for (Column& column : out->columns) {
+      const Field& field = kFields[column.field];
+      if (!field.reg.present() || field.reg.discrete) {
+        fill_absent_column(block->head().rows, column);
+        continue;
+      }
+      for (std::uint32_t word = 0; field.reg.words() == 2 && word < 2; ++word) {
+        if (block->shapes().find(store::register_path(field.reg.address + word, false))) {
+          return false;
+        }
+      }
+      if (!register_column(order, column)) {
+        break;
+      }
+    }
+    return true;
+  }
+
+  bool decode_inputs() {
+    no_lists();
+    std::string loaded;  // path that `values` holds
+    for (Column& column : out->columns) {
+      const Field& field = kFields[column.field];
+      fill_absent_column(block->head().rows, column);
+      if (!field.reg.present() || !field.reg.discrete) {
+        continue;
+      }
+      for (const store::LeafColumn& leaf : block->shapes().columns()) {
+        const std::uint32_t address = field.reg.address;
+        if (address < leaf.first || address > leaf.last) {
+          continue;
+        }
+        if (leaf.path != loaded && !read(leaf.path, {false, true, false}, scratch, values)) {
+          return true;
+        }
+        loaded = leaf.path;
+        for (std::size_t i = 0; i < values.kind.size(); ++i) {
+          if (values.kind[i] != ValueKind::absent) {
+            column.state[i] = State::present;
+            column.integer[i] = values.integer[i] >> (address - leaf.first) & 1;
+          }
+        }
+      }
+    }
+    return true;
+  }
+};
+
+ColumnDecoder::ColumnDecoder() : impl_(std::make_unique<Impl>()) {}
+ColumnDecoder::~ColumnDecoder() = default;
+
+bool ColumnDecoder::decode(BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
+  if (block.head().raw_rows > 0 || block.shapes().ambiguous()) {
+    return false;
+  }
+  impl_->block = &block;
+  impl_->out = &out;
+  impl_->damage = &damage;
+  impl_->scratch.clear();
+  damage.clear();
+  switch (block.head().source) {
+    case Source::status:
+    case Source::io:
+      impl_->decode_json();
+      return true;
+    case Source::registers:
+      return impl_->decode_registers(stream.word_order);
+    case Source::inputs:
+      return impl_->decode_inputs();
+  }
+  return false;
+}
+
+}  // namespace tacho
