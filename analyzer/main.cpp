@@ -1,9 +1,13 @@
 // tacho-analyzer: answers from a log. Options are read here and nowhere else; the work is in commands/ and analyses/.
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <functional>
+#include <string_view>
 
 #include "analyzer/analyses/incident.hpp"
 #include "analyzer/analysis.hpp"
@@ -272,9 +276,19 @@ class Program {
   }
 };
 
+/// Parts of a log are mapped into memory: a page that the disk cannot give ends the program, with words.
+void explain_unreadable_page(int) {
+  constexpr std::string_view kWords =
+      "tacho-analyzer: error: a file of the log cannot be read: the disk gives an error, or the file became shorter "
+      "while it was read. `tacho-analyzer verify` names the damage, `recover` copies what is left\n";
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kWords.data(), kWords.size());
+  ::_exit(kExitFailed);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGBUS, explain_unreadable_page);
   try {
     return Program().run(argc, argv);
   } catch (const UsageError& error) {

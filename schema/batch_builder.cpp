@@ -132,4 +132,23 @@ Batch BatchBuilder::take() {
   return full;
 }
 
+void BatchBuilder::reuse(Batch&& batch) {
+  assert(batch_.rows() == 0 && batch.columns.size() == batch_.columns.size());
+  batch_ = std::move(batch);
+  batch_.seq.clear();
+  batch_.t_send_us.clear();
+  batch_.t_recv_us.clear();
+  for (Column& column : batch_.columns) {
+    column.state.clear();
+    column.real.clear();
+    column.integer.clear();
+  }
+  batch_.alarms.clear();
+  batch_.alarm_begin.assign(alarms_ ? 1 : 0, 0);
+  batch_.alarms_incomplete.clear();
+  batch_.points.clear();
+  batch_.point_begin.assign(points_ ? 1 : 0, 0);
+  batch_.texts.clear();
+}
+
 }  // namespace tacho

@@ -14,6 +14,8 @@ class BatchBuilder {
   [[nodiscard]] std::size_t rows() const { return batch_.rows(); }
   /// The batch so far; the builder starts an empty one with the same columns.
   Batch take();
+  /// The memory of a batch that take() gave serves the next one. Only while this one is empty.
+  void reuse(Batch&& batch);
 
  private:
   Batch batch_;

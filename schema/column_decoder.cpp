@@ -48,7 +48,17 @@ constexpr StateOf kStructured = states({ValueKind::array, ValueKind::object});
 bool is_list(Kind kind) { return kind == Kind::alarms || kind == Kind::points; }
 bool has_text(Kind kind) { return kind == Kind::text || kind == Kind::list || kind == Kind::structured; }
 
+/// All rows alike: nearly every column of nearly every block.
+template <class T>
+bool uniform(const std::vector<T>& values) {
+  return std::all_of(values.begin(), values.end(), [first = values.front()](T value) { return value == first; });
+}
+
 void set_states(const StateOf& table, const std::vector<ValueKind>& kinds, std::vector<State>& out) {
+  if (uniform(kinds)) {
+    out.assign(kinds.size(), table[static_cast<std::size_t>(kinds.front())]);
+    return;
+  }
   out.resize(kinds.size());
   for (std::size_t i = 0; i < kinds.size(); ++i) {
     out[i] = table[static_cast<std::size_t>(kinds[i])];
@@ -104,6 +114,9 @@ void put_integers(const Field& field, std::vector<std::int64_t>& values, Column&
 
 /// Rows without a value hold zeros, as cells do.
 void clear_missing(Column& column) {
+  if (uniform(column.state) && column.state.front() == State::present) {
+    return;
+  }
   for (std::size_t i = 0; i < column.state.size(); ++i) {
     if (column.state[i] == State::absent || column.state[i] == State::null || column.state[i] == State::wrong_type) {
       if (!column.real.empty()) {
@@ -414,15 +427,16 @@ struct ColumnDecoder::Impl {
     if (!read(store::register_path(field.reg.address, pair), {as_reals, !as_reals, false}, scratch, values)) {
       return false;
     }
-    column.state.resize(values.kind.size());
-    values.real.resize(values.kind.size());
-    for (std::size_t i = 0; i < values.kind.size(); ++i) {
-      column.state[i] = values.kind[i] == ValueKind::absent ? State::absent : State::present;
-      if (!as_reals) {
-        values.real[i] = number(field.reg.type, values.integer[i], taken, order);
-      }
-      if (!std::isfinite(values.real[i])) {
-        column.state[i] = State::wrong_type;
+    constexpr StateOf kNumber = states({ValueKind::number, ValueKind::whole});
+    set_states(kNumber, values.kind, column.state);
+    if (!as_reals) {
+      values.real.resize(values.integer.size());
+      std::transform(values.integer.begin(), values.integer.end(), values.real.begin(),
+                     [&](std::int64_t bits) { return number(field.reg.type, bits, taken, order); });
+    }
+    if (!std::all_of(values.real.begin(), values.real.end(), [](double value) { return std::isfinite(value); })) {
+      for (std::size_t i = 0; i < values.real.size(); ++i) {
+        column.state[i] = std::isfinite(values.real[i]) ? column.state[i] : State::wrong_type;
       }
     }
     if (field.kind == Kind::real) {

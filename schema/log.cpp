@@ -49,19 +49,26 @@ std::optional<Micros> robot_time(const Sample& sample) {
   return sample.at(kCreateOn).has() ? parse_time(sample.text(kCreateOn), "UTC") : std::nullopt;
 }
 
-}  // namespace
-
-std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs) {
+store::Decoders decoders() {
   // Shared because a std::function must be copyable; the reader keeps one copy.
   const auto answers = std::make_shared<AnswerDecoder>();
   const auto blocks = std::make_shared<ColumnDecoder>();
-  return std::make_unique<store::LogReader>(
-      logs,
-      store::Decoders{[answers](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates,
-                                Sample& out) { answers->decode(answer, stream.word_order, wanted, false, gates, out); },
-                      [blocks](store::BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
-                        return blocks->decode(block, stream, out, damage);
-                      }});
+  return {[answers](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out) {
+            answers->decode(answer, stream.word_order, wanted, false, gates, out);
+          },
+          [blocks](store::BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
+            return blocks->decode(block, stream, out, damage);
+          }};
+}
+
+}  // namespace
+
+std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs) {
+  return std::make_unique<store::LogReader>(logs, decoders());
+}
+
+std::unique_ptr<RowSource> open_log_mapped(std::span<const std::filesystem::path> logs) {
+  return std::make_unique<store::LogReader>(logs, decoders(), store::Access::mapped);
 }
 
 struct AnswerDecoder::Impl {

@@ -84,6 +84,8 @@ struct Selection {
   std::array<FieldSet, kSourceCount> fields;
   /// Sources to read even when no field of theirs is asked for (row times only).
   std::array<bool, kSourceCount> rows{};
+  /// Hand out gaps, events and clock points too.
+  bool records = true;
   void add(Source source, FieldIndex field) {
     fields[static_cast<std::size_t>(source)].set(field);
     rows[static_cast<std::size_t>(source)] = true;

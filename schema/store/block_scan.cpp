@@ -7,38 +7,47 @@
 
 namespace tacho::store {
 
-std::array<BlockPlaces, kSourceCount> block_places(Connection& connection, const PartHead& head,
-                                                   const AnswerQuery& query, StreamCounts& met, const Report& report) {
-  std::array<BlockPlaces, kSourceCount> places;
-  std::uint64_t bad = 0;
+BlockList list_blocks(Connection& connection, const Vocabulary& vocabulary) {
+  BlockList list;
   try {
     Statement row(connection, kBlockPlaces);
     row.query();
     while (row.step()) {
       const std::optional<BlockRow> place = read_block_place(row);
       const auto number = static_cast<std::size_t>(place ? place->source : 0);
-      if (!place || number >= head.vocabulary.source.size() || !head.vocabulary.source[number]) {
-        ++bad;
-        continue;
-      }
-      const Source source = *head.vocabulary.source[number];
-      met[{place->session, place->robot, source}].stored += place->rows;
-      if (query.asks_for(place->robot, source) && place->row_from <= head.ends.row &&
-          place->t_to_us >= query.window.from_us && place->t_from_us < query.window.to_us) {
-        places[static_cast<std::size_t>(source)].push_back(*place);
+      if (!place || number >= vocabulary.source.size() || !vocabulary.source[number]) {
+        ++list.bad;
+      } else {
+        list.blocks.push_back(*place);
       }
     }
   } catch (const SqliteError& error) {
     if (!error.damaged()) {
       throw;
     }
-    report(fmt::format("the rest of table block cannot be read: {}", error.what()));
+    list.damage = error.what();
   }
-  if (bad > 0) {
-    report(fmt::format("{} rows of table block are damaged and left out", bad));
+  std::stable_sort(list.blocks.begin(), list.blocks.end(),
+                   [](const BlockRow& a, const BlockRow& b) { return a.row_from < b.row_from; });
+  return list;
+}
+
+std::array<BlockPlaces, kSourceCount> block_places(const BlockList& list, const PartHead& head,
+                                                   const AnswerQuery& query, StreamCounts& met, const Report& report) {
+  std::array<BlockPlaces, kSourceCount> places;
+  for (const BlockRow& place : list.blocks) {
+    const Source source = *head.vocabulary.source[static_cast<std::size_t>(place.source)];
+    met[{place.session, place.robot, source}].stored += place.rows;
+    if (query.asks_for(place.robot, source) && place.row_from <= head.ends.row &&
+        place.t_to_us >= query.window.from_us && place.t_from_us < query.window.to_us) {
+      places[static_cast<std::size_t>(source)].push_back(place);
+    }
   }
-  for (BlockPlaces& lane : places) {
-    std::sort(lane.begin(), lane.end(), [](const BlockRow& a, const BlockRow& b) { return a.row_from < b.row_from; });
+  if (!list.damage.empty()) {
+    report(fmt::format("the rest of table block cannot be read: {}", list.damage));
+  }
+  if (list.bad > 0) {
+    report(fmt::format("{} rows of table block are damaged and left out", list.bad));
   }
   return places;
 }
@@ -69,10 +78,10 @@ void BlockFetch::with(const BlockRow& place, Source source, const Report& report
   }
 }
 
-BlockScan::BlockScan(Connection& connection, const PartHead& head, const AnswerQuery& query, StreamCounts& met,
-                     const Report& report)
+BlockScan::BlockScan(Connection& connection, const BlockList& list, const PartHead& head, const AnswerQuery& query,
+                     StreamCounts& met, const Report& report)
     : head_(&head), query_(&query), report_(&report), fetch_(connection) {
-  auto places = block_places(connection, head, query, met, report);
+  auto places = block_places(list, head, query, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (!places[s].empty()) {
       lanes_.push_back({static_cast<Source>(s), std::move(places[s]), {}, {}, 0});

@@ -15,12 +15,19 @@
 
 namespace tacho::store {
 
+/// All rows of table block, but for those that are damaged.
+struct BlockList {
+  std::vector<BlockRow> blocks;
+  std::uint64_t bad = 0;
+  std::string damage;  ///< why the rest of the table could not be read; empty: it was
+};
+BlockList list_blocks(Connection& connection, const Vocabulary& vocabulary);
+
 /// Blocks of one source, in order of arrival.
 using BlockPlaces = std::deque<BlockRow>;
 
-/// Blocks that a query needs, by source. Rows of the table that are damaged are named. Counts all moved answers of all
-/// robots in `met`.
-std::array<BlockPlaces, kSourceCount> block_places(Connection& connection, const PartHead& head,
+/// Blocks that a query needs, by source. Damage of the list is named. Counts all moved answers of all robots in `met`.
+std::array<BlockPlaces, kSourceCount> block_places(const BlockList& list, const PartHead& head,
                                                    const AnswerQuery& query, StreamCounts& met, const Report& report);
 
 /// Reads blocks from the file.
@@ -40,8 +47,8 @@ class BlockFetch {
 class BlockScan {
  public:
   /// Blocks outside the window are not opened. The arguments must outlive the scan.
-  BlockScan(Connection& connection, const PartHead& head, const AnswerQuery& query, StreamCounts& met,
-            const Report& report);
+  BlockScan(Connection& connection, const BlockList& list, const PartHead& head, const AnswerQuery& query,
+            StreamCounts& met, const Report& report);
 
   /// The place of the next answer among all answers of the part; 0 at the end.
   [[nodiscard]] std::int64_t row() const;

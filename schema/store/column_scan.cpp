@@ -11,14 +11,14 @@ constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
 }  // namespace
 
-ColumnScan::ColumnScan(Connection& connection, const PartHead& head, ColumnQuery& query, StreamCounts& met,
-                       const Report& report)
+ColumnScan::ColumnScan(Connection& connection, const BlockList& list, const PartHead& head, ColumnQuery& query,
+                       StreamCounts& met, const Report& report)
     : head_(&head),
       query_(&query),
       report_(&report),
       hot_(connection, head, query.answers, met, report),
       fetch_(connection) {
-  auto places = block_places(connection, head, query.answers, met, report);
+  auto places = block_places(list, head, query.answers, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     lanes_.push_back({std::move(places[s]), {}, BatchBuilder(static_cast<Source>(s), query.wanted[s]), {}, 0});
   }
@@ -102,6 +102,20 @@ std::string ColumnScan::load_rows(BlockDecoder& block, Source source, Chunk& chu
   return damage;
 }
 
+/// What nearly every block is.
+bool ColumnScan::all_good(AnswerMeta meta, const Chunk& chunk) {
+  const Batch& batch = chunk.batch;
+  const auto [first, last] = std::minmax_element(batch.t_send_us.begin(), batch.t_send_us.end());
+  const Window& window = query_->answers.window;
+  if (!window.contains(*first) || !window.contains(*last) || chunk.place.back() > head_->ends.row ||
+      !std::is_sorted(chunk.place.begin(), chunk.place.end()) ||
+      std::adjacent_find(batch.seq.begin(), batch.seq.end(), std::greater_equal<>()) != batch.seq.end()) {
+    return false;
+  }
+  meta.seq = batch.seq.front();
+  return query_->order.accepts_run(meta, batch.seq.back());
+}
+
 /// Leaves out rows outside the window, newer than the head, or out of order.
 void ColumnScan::keep_good_rows(Source source, Chunk& chunk) {
   const Batch& batch = chunk.batch;
@@ -109,6 +123,9 @@ void ColumnScan::keep_good_rows(Source source, Chunk& chunk) {
   AnswerMeta meta;
   meta.source = source;
   meta.session = chunk.session;
+  if (rows == 0 || all_good(meta, chunk)) {
+    return;
+  }
   std::vector<bool> good(rows);
   std::size_t kept = 0;
   bool disorder = false;

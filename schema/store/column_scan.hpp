@@ -34,7 +34,8 @@ struct ColumnQuery {
 class ColumnScan {
  public:
   /// The arguments must outlive the scan.
-  ColumnScan(Connection& connection, const PartHead& head, ColumnQuery& query, StreamCounts& met, const Report& report);
+  ColumnScan(Connection& connection, const BlockList& list, const PartHead& head, ColumnQuery& query, StreamCounts& met,
+             const Report& report);
 
   /// The next rows of a source that begin before the place `before`; false when there are none.
   bool next(Source source, std::int64_t before, Chunk& chunk);
@@ -59,6 +60,7 @@ class ColumnScan {
   void load(Source source, const BlockRow& place, Chunk& chunk);
   bool load_columns(BlockDecoder& block, const BlockRow& place, Source source, Chunk& chunk, std::string& damage);
   std::string load_rows(BlockDecoder& block, Source source, Chunk& chunk);
+  bool all_good(AnswerMeta meta, const Chunk& chunk);
   void keep_good_rows(Source source, Chunk& chunk);
   void decode(const Answer& answer);
   void pull_hot();

@@ -60,7 +60,9 @@ std::string joined(std::span<const fs::path> paths) {
 
 struct LogReader::Impl {
   Decoders decoders;
-  std::vector<PartHead> parts;  // by number
+  Access access = Access::copied;
+  std::map<const PartHead*, std::unique_ptr<PartReader>> kept;  // of closed parts, open from read() to read()
+  std::vector<PartHead> parts;                                  // by number
   std::vector<ReadProblem> problems;
   std::set<std::pair<std::string, std::string>> told;
   std::map<RobotId, Robot> robots;
@@ -82,7 +84,8 @@ struct LogReader::Impl {
   void drop_copies();
   void merge_heads();
   void merge_coverage();
-  PartReader reader(const PartHead& head);
+  PartReader reader(const PartHead& head, Access how = Access::copied);
+  PartReader& kept_reader(const PartHead& head);
 
   template <class Use>
   void each_part(Use use);
@@ -178,17 +181,31 @@ void LogReader::Impl::merge_heads() {
   }
 }
 
-PartReader LogReader::Impl::reader(const PartHead& head) {
-  return PartReader(head, [this, &head](const std::string& what) { problem(head.path.string(), what); });
+PartReader LogReader::Impl::reader(const PartHead& head, Access how) {
+  return PartReader(
+      head, [this, &head](const std::string& what) { problem(head.path.string(), what); }, how);
 }
 
-/// Runs `use` with a reader of each part. A part that has gone or broken since it was opened is named and left out.
+/// Opening a part, and mapping it, takes as long as reading an hour of a column.
+PartReader& LogReader::Impl::kept_reader(const PartHead& head) {
+  constexpr std::size_t kKept = 64;
+  auto found = kept.find(&head);
+  if (found == kept.end() || !is_closed(head)) {
+    if (kept.size() >= kKept) {
+      kept.clear();
+    }
+    const Access how = is_closed(head) ? access : Access::copied;
+    found = kept.insert_or_assign(&head, std::make_unique<PartReader>(reader(head, how))).first;
+  }
+  return *found->second;
+}
+
+/// Runs `use` for each part. A part that has gone or broken since it was opened is named and left out.
 template <class Use>
 void LogReader::Impl::each_part(Use use) {
   for (const PartHead& head : parts) {
     try {
-      PartReader part = reader(head);
-      use(part, head);
+      use(head);
     } catch (const SqliteError& error) {
       problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
     }
@@ -242,8 +259,10 @@ const Stream& LogReader::Impl::stream_of(const AnswerMeta& meta) {
   return found->second;
 }
 
-LogReader::LogReader(std::span<const fs::path> logs, Decoders decoders) : impl_(std::make_unique<Impl>()) {
+LogReader::LogReader(std::span<const fs::path> logs, Decoders decoders, Access access)
+    : impl_(std::make_unique<Impl>()) {
   impl_->decoders = std::move(decoders);
+  impl_->access = access;
   impl_->open(logs);
 }
 
@@ -319,8 +338,21 @@ void LogReader::read(RobotId robot, Window window, const Selection& selection,
   }
   query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return impl_->stream_of(meta); };
   Slicer slicer(robot, selection, gates, yield);
-  impl_->each_part([&](PartReader& part, const PartHead& head) {
-    slicer.begin_part({part.gaps(robot, window), part.events(robot, window), part.clock(robot, window)});
+  const bool records = selection.records || gates.needed();
+  impl_->each_part([&](const PartHead& head) {
+    const bool rows = PartReader::has_answers(head, query.answers);
+    if (!rows && !records) {
+      return;
+    }
+    PartReader& part = impl_->kept_reader(head);
+    const PartReader::Transaction reading(part);
+    if (records && part.touches(window)) {
+      std::vector<Gap> gap_rows = part.gaps(robot, window);
+      gates.begin_part(gap_rows);
+      if (selection.records) {
+        slicer.begin_part({std::move(gap_rows), part.events(robot, window), part.clock(robot, window)});
+      }
+    }
     try {
       part.columns(query, [&](ColumnScan& scan) { slicer.rows(scan); });
     } catch (const SqliteError& error) {
@@ -334,7 +366,9 @@ void LogReader::read_raw(RobotId robot, Source source, Window window, const std:
   AnswerQuery query{robot, {}, window};
   query.sources[static_cast<std::size_t>(source)] = true;
   OrderGuard order;
-  impl_->each_part([&](PartReader& part, const PartHead& head) {
+  impl_->each_part([&](const PartHead& head) {
+    PartReader part = impl_->reader(head);
+    const PartReader::Transaction reading(part);
     part.answers(query, [&](const Answer& answer) {
       if (order.accepts(answer.meta)) {
         yield(answer);
@@ -350,6 +384,7 @@ LogReader::Records LogReader::part_records(std::size_t part, RobotId robot) {
   const PartHead& head = impl_->parts[part];
   try {
     PartReader reader = impl_->reader(head);
+    const PartReader::Transaction reading(reader);
     out.gaps = reader.gaps(robot, Window{});
     out.events = reader.events(robot, Window{});
     out.clock = reader.clock(robot, Window{});
@@ -365,7 +400,9 @@ void LogReader::part_answers(std::size_t part, RobotId robot, const std::functio
   AnswerQuery query{robot, {}, Window{}};
   query.sources.fill(true);
   try {
-    impl_->reader(head).answers(query, yield);
+    PartReader reader = impl_->reader(head);
+    const PartReader::Transaction reading(reader);
+    reader.answers(query, yield);
   } catch (const SqliteError& error) {
     impl_->problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
   }

@@ -14,14 +14,15 @@
 
 #include "schema/row_source.hpp"
 #include "schema/store/decode.hpp"
+#include "schema/store/part_head.hpp"
 
 namespace tacho::store {
 
 class LogReader final : public RowSource {
  public:
   /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different
-  /// logs.
-  LogReader(std::span<const std::filesystem::path> logs, Decoders decoders);
+  /// logs. `access`: of read(); everything else copies, because it is used where damage is.
+  LogReader(std::span<const std::filesystem::path> logs, Decoders decoders, Access access = Access::copied);
   ~LogReader() override;
 
   [[nodiscard]] std::vector<Robot> robots() const override;

@@ -22,6 +22,14 @@ class OrderGuard {
     last = place;
     return true;
   }
+  /// Rows of one stream with ascending numbers, the first being `meta`: all, or (false) none of them.
+  bool accepts_run(const AnswerMeta& meta, std::uint64_t last_seq) {
+    if (!accepts(meta)) {
+      return false;
+    }
+    last_[static_cast<std::size_t>(meta.source)].second = last_seq + 1;
+    return true;
+  }
 
  private:
   std::array<std::pair<SessionId, std::uint64_t>, kSourceCount> last_{};  ///< session, number after the last

@@ -113,10 +113,8 @@ void read_ends(Connection& connection, PartHead& head) {
     survive(head, table, [&] { end = connection.integer(fmt::format("SELECT max({}) FROM {}", column, table)); });
   };
   std::int64_t hot = 0;
-  std::int64_t moved = 0;
   end_of("id", "hot", hot);
-  end_of("row_to", "block", moved);
-  head.ends.row = std::max({hot, moved, head.row.counted_to});
+  head.ends.row = std::max(hot, head.row.counted_to);  // rows are counted before they move into blocks
   end_of("id", "gap", head.ends.gap);
   end_of("id", "event", head.ends.event);
   end_of("id", "clock", head.ends.clock);
@@ -143,13 +141,16 @@ void read_counts(Connection& connection, PartHead& head) {
 
 }  // namespace
 
-Connection open_part_for_reading(const fs::path& path) {
+Connection open_part_for_reading(const fs::path& path, Access access) {
   const auto opened = [&](OpenMode mode) {
     Connection connection(path, mode);
     // First of all: without it SQLite refuses to look into a file that is shorter than its header says.
     connection.exec("PRAGMA writable_schema = ON");
     connection.scalar("PRAGMA schema_version");  // touches the file, so that a refusal comes here
     connection.exec("PRAGMA cache_size = -4096");
+    if (access == Access::mapped) {
+      connection.exec("PRAGMA mmap_size = 1073741824");
+    }
     return connection;
   };
   try {

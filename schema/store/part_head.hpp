@@ -1,6 +1,7 @@
 #pragma once
 // Opening a part for reading, and everything of it that is not an answer, gap, event or clock point.
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -15,9 +16,15 @@
 
 namespace tacho::store {
 
+/// How pages of a file that nobody writes come into memory.
+enum class Access : std::uint8_t {
+  copied,  ///< by reading: a sector that cannot be read is an error like any other
+  mapped,  ///< by mapping the file, faster where pages are many; such a sector is a SIGBUS
+};
+
 /// Opens read-only, also a truncated file (SQLite itself refuses those) and a closed part in a read-only folder.
 /// Throws SqliteError.
-Connection open_part_for_reading(const std::filesystem::path& path);
+Connection open_part_for_reading(const std::filesystem::path& path, Access access = Access::copied);
 
 /// Throws Error when the file is not a part, or a part of a newer version of this program.
 class NotAPart : public Error {
@@ -52,6 +59,9 @@ struct PartHead {
   SealedRows sealed_rows;
   std::vector<std::string> damage;  ///< in words; empty for a whole part
 };
+
+/// Nobody writes it: it was checkpointed, and has no WAL.
+inline bool is_closed(const PartHead& head) { return head.row.closed && head.checkpointed; }
 
 /// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`; then the counts
 /// are what the writer noted, see read_part() for what can really be read.

@@ -13,13 +13,31 @@
 
 namespace tacho::store {
 
-PartReader::PartReader(const PartHead& head, Report report)
-    : head_(&head), report_(std::move(report)), connection_(open_part_for_reading(head.path)) {
-  connection_.exec("BEGIN");
+PartReader::PartReader(const PartHead& head, Report report, Access access)
+    : head_(&head), report_(std::move(report)), connection_(open_part_for_reading(head.path, access)) {}
+
+PartReader::Transaction::Transaction(PartReader& reader) : reader_(&reader) { reader.connection_.exec("BEGIN"); }
+
+PartReader::Transaction::~Transaction() {
+  try {
+    reader_->connection_.exec("COMMIT");
+  } catch (const SqliteError&) {
+    // Nothing was written; a reader that cannot even end its reading says so at its next one.
+  }
+  if (!is_closed(*reader_->head_)) {
+    reader_->blocks_.reset();
+  }
 }
 
-bool PartReader::worth_reading(const AnswerQuery& query) const {
-  return !head_->damage.empty() || std::any_of(head_->counts.begin(), head_->counts.end(), [&](const auto& entry) {
+const BlockList& PartReader::blocks() {
+  if (!blocks_) {
+    blocks_ = list_blocks(connection_, head_->vocabulary);
+  }
+  return *blocks_;
+}
+
+bool PartReader::has_answers(const PartHead& head, const AnswerQuery& query) {
+  return !head.damage.empty() || std::any_of(head.counts.begin(), head.counts.end(), [&](const auto& entry) {
     const auto& [key, count] = entry;
     return query.asks_for(key.robot, key.source) && count.stored > 0 && count.last_us >= query.window.from_us &&
            count.first_us < query.window.to_us;
@@ -29,7 +47,7 @@ bool PartReader::worth_reading(const AnswerQuery& query) const {
 /// Runs `read` with somewhere to report damage and to count what was met; tells what nobody met without being damaged.
 template <class Read>
 void PartReader::counted(const AnswerQuery& query, Read read) {
-  if (!worth_reading(query)) {
+  if (!has_answers(*head_, query)) {
     return;
   }
   bool damaged = false;
@@ -47,7 +65,7 @@ void PartReader::counted(const AnswerQuery& query, Read read) {
 void PartReader::answers(const AnswerQuery& query, const std::function<void(const Answer&)>& yield) {
   counted(query, [&](StreamCounts& met, const Report& report) {
     HotAnswers hot(connection_, *head_, query, met, report);
-    BlockScan moved(connection_, *head_, query, met, report);
+    BlockScan moved(connection_, blocks(), *head_, query, met, report);
     while (hot.row() != 0 || moved.row() != 0) {
       if (moved.row() == 0 || (hot.row() != 0 && hot.row() < moved.row())) {
         yield(hot.take());
@@ -60,7 +78,7 @@ void PartReader::answers(const AnswerQuery& query, const std::function<void(cons
 
 void PartReader::columns(ColumnQuery& query, const std::function<void(ColumnScan&)>& use) {
   counted(query.answers, [&](StreamCounts& met, const Report& report) {
-    ColumnScan scan(connection_, *head_, query, met, report);
+    ColumnScan scan(connection_, blocks(), *head_, query, met, report);
     use(scan);
   });
 }
@@ -110,6 +128,23 @@ std::vector<Row> PartReader::records(const char* table, std::int64_t last_id, Re
   return rows;
 }
 
+bool PartReader::touches(Window window) {
+  const Window always;
+  if (!is_closed(*head_) || !head_->damage.empty() ||
+      (window.from_us == always.from_us && window.to_us == always.to_us)) {
+    return true;
+  }
+  if (!records_) {
+    Statement span(connection_,
+                   "SELECT min(a), max(b) FROM (SELECT min(t_from_us) AS a, max(t_to_us) AS b FROM gap UNION ALL "
+                   "SELECT min(t_us), max(t_us) FROM event UNION ALL SELECT min(wall_us), max(wall_us) FROM clock)");
+    span.query();
+    span.step();
+    records_ = Window{span.integer(0), span.integer(1)};
+  }
+  return records_->to_us >= window.from_us && records_->from_us < window.to_us;
+}
+
 std::vector<Gap> PartReader::gaps(RobotId robot, Window window) {
   std::vector<Gap> rows = records<Gap>("gap", head_->ends.gap, read_gap, [&](const Gap& g) {
     return g.robot == robot && g.t_to_us >= window.from_us && g.t_from_us < window.to_us;
@@ -150,6 +185,7 @@ PartHead read_part(const std::filesystem::path& path) {
   }
   StreamCounts counts;
   PartReader part(head, [](const std::string&) {});
+  const PartReader::Transaction reading(part);
   AnswerQuery query;
   query.sources.fill(true);
   for (const RobotId robot : robots) {

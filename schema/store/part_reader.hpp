@@ -3,6 +3,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,19 @@ namespace tacho::store {
 class PartReader {
  public:
   /// `head` must outlive the reader. Throws SqliteError.
-  PartReader(const PartHead& head, Report report);
+  PartReader(const PartHead& head, Report report, Access access = Access::copied);
+
+  /// Everything is read inside one of these: rows move into blocks while a log is recorded.
+  class Transaction {
+   public:
+    explicit Transaction(PartReader& reader);
+    ~Transaction();
+    Transaction(const Transaction&) = delete;
+    Transaction& operator=(const Transaction&) = delete;
+
+   private:
+    PartReader* reader_;
+  };
 
   /// Yields the answers of the robot from all tiers of the part, in order of arrival. Bodies outside the window are not
   /// decompressed, but for those since the last keyframe before it. This is the one place that knows the tiers.
@@ -25,6 +38,10 @@ class PartReader {
   /// The same answers as columns: hands `use` a scan, which must read it to its end.
   void columns(ColumnQuery& query, const std::function<void(ColumnScan&)>& use);
 
+  /// False: columns() and answers() have nothing to give.
+  [[nodiscard]] static bool has_answers(const PartHead& head, const AnswerQuery& query);
+  /// False: no gap, event or clock point of the part is inside the window. Looks once, and only where the answer stays.
+  bool touches(Window window);
   /// What the window touches; by session and time.
   std::vector<Gap> gaps(RobotId robot, Window window);
   std::vector<Event> events(RobotId robot, Window window);
@@ -34,9 +51,11 @@ class PartReader {
  private:
   const PartHead* head_;
   Report report_;
-  Connection connection_;  ///< in one read transaction: rows move into blocks while a log is recorded
+  Connection connection_;
+  std::optional<BlockList> blocks_;  ///< of this transaction; of a closed part for good
+  std::optional<Window> records_;    ///< times of all gaps, events and clock points, once known
 
-  [[nodiscard]] bool worth_reading(const AnswerQuery& query) const;
+  const BlockList& blocks();
   template <class Read>
   void counted(const AnswerQuery& query, Read read);
   void tell_missing(RobotId robot, const StreamCounts& met) const;

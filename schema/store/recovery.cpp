@@ -21,6 +21,7 @@ struct Span {
 std::vector<Span> stored_spans(const StreamKey& key, const PartHead& head) {
   std::vector<Span> spans;
   PartReader part(head, [](const std::string&) {});
+  const PartReader::Transaction reading(part);
   AnswerQuery query;
   query.robot = key.robot;
   query.sources[static_cast<std::size_t>(key.source)] = true;

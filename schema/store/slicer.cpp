@@ -23,6 +23,14 @@ void move_until(std::vector<Row>& from, std::vector<Row>& to, std::optional<Micr
   from.erase(from.begin(), end);
 }
 
+/// The first of rows [begin, end) that is too far from a time to be in one slice with it, or `end`.
+std::size_t first_far(const std::vector<Micros>& t_us, std::size_t begin, std::size_t end, Micros first_us) {
+  const auto far =
+      std::find_if(t_us.begin() + static_cast<std::ptrdiff_t>(begin), t_us.begin() + static_cast<std::ptrdiff_t>(end),
+                   [&](Micros t) { return std::abs(t - first_us) > Slicer::kSpanUs; });
+  return static_cast<std::size_t>(far - t_us.begin());
+}
+
 }  // namespace
 
 Slicer::Slicer(RobotId robot, const Selection& selection, InputGates& gates, const Yield& yield)
@@ -37,7 +45,6 @@ Slicer::Slicer(RobotId robot, const Selection& selection, InputGates& gates, con
 }
 
 void Slicer::begin_part(PartRecords records) {
-  gates_->begin_part(records.gaps);
   for (Gap& gap : records.gaps) {
     waiting_[gap.session].gaps.push_back(std::move(gap));
   }
@@ -51,22 +58,60 @@ void Slicer::begin_part(PartRecords records) {
 
 void Slicer::rows(ColumnScan& scan) {
   scan_ = &scan;
+  if (std::count(reads_.begin(), reads_.end(), true) == 1) {
+    one_source(static_cast<std::size_t>(std::find(reads_.begin(), reads_.end(), true) - reads_.begin()));
+    return;
+  }
   while (const std::optional<std::size_t> first = first_lane()) {
     const Lane& lane = lanes_[*first];
     const SessionId session = lane.chunks.front().session;
     const Cut cut = find_cut(session, lane.chunks.front().batch.t_send_us[lane.at]);
-    while (!waiting_.empty() && waiting_.begin()->first < session) {
-      emit(waiting_.begin()->first, std::nullopt);
-    }
+    yield_sessions_before(session);
     take_all(cut.place);
+    finish_batches(session);
     emit(session, cut.t_us);
+    recycle_batches();
   }
   take_all(kEnd);
   gates_->catch_up();
 }
 
+/// A single source is handed out as it was read, without copying: its chunks are slices, but for those that are too
+/// long.
+void Slicer::one_source(std::size_t source) {
+  Chunk chunk;
+  Chunk next;
+  bool more = scan_->next(static_cast<Source>(source), kEnd, chunk);
+  while (more) {
+    more = scan_->next(static_cast<Source>(source), kEnd, next);
+    yield_sessions_before(chunk.session);
+    if (source == kRegisters && gates_->needed()) {
+      gates_->apply(chunk.session, chunk.place, chunk.batch);
+    }
+    const std::optional<Micros> until =
+        more && next.session == chunk.session ? std::optional(next.batch.t_send_us.front()) : std::nullopt;
+    const std::vector<Micros>& t = chunk.batch.t_send_us;
+    for (std::size_t begin = 0; begin < chunk.place.size();) {
+      const std::size_t end = first_far(t, begin, t.size(), t[begin]);
+      if (begin == 0 && end == t.size()) {
+        slice_.batches.push_back(std::move(chunk.batch));
+        emit(chunk.session, until);
+        break;
+      }
+      builders_[source]->append(chunk.batch, begin, end);
+      slice_.batches.push_back(builders_[source]->take());
+      emit(chunk.session, end < t.size() ? std::optional(t[end]) : until);
+      recycle_batches();
+      begin = end;
+    }
+    slice_.batches.clear();
+    std::swap(chunk, next);
+  }
+}
+
 void Slicer::end_part() {
   lanes_ = {};
+  slice_.batches.clear();
   while (!waiting_.empty()) {
     emit(waiting_.begin()->first, std::nullopt);
   }
@@ -124,16 +169,14 @@ void Slicer::shorten(std::size_t source, SessionId session, Micros first_us, Cut
       return;
     }
     const std::vector<Micros>& t = chunk.batch.t_send_us;
-    const auto room = static_cast<std::ptrdiff_t>(std::min(t.size() - begin, kRows - rows));
-    const auto from = t.begin() + static_cast<std::ptrdiff_t>(begin);
-    const auto far = std::find_if(from, from + room, [&](Micros at) { return std::abs(at - first_us) > kSpanUs; });
-    if (const auto row = static_cast<std::size_t>(far - t.begin()); row < t.size()) {
+    const std::size_t room = std::min(t.size() - begin, kRows - rows);
+    if (const std::size_t row = first_far(t, begin, begin + room, first_us); row < t.size()) {
       if (chunk.place[row] < cut.place) {
         cut = {chunk.place[row], t[row]};
       }
       return;
     }
-    rows += static_cast<std::size_t>(room);
+    rows += room;
   }
 }
 
@@ -169,20 +212,43 @@ void Slicer::take_rows(std::size_t source, std::int64_t before) {
   }
 }
 
-void Slicer::emit(SessionId session, std::optional<Micros> until_us) {
-  Slice slice;
-  slice.robot = robot_;
-  slice.session = session;
+void Slicer::yield_sessions_before(SessionId session) {
+  slice_.batches.clear();
+  while (!waiting_.empty() && waiting_.begin()->first < session) {
+    emit(waiting_.begin()->first, std::nullopt);
+  }
+}
+
+/// Moves what the builders have to the slice.
+void Slicer::finish_batches(SessionId session) {
   for (std::optional<BatchBuilder>& builder : builders_) {
     if (builder && builder->rows() > 0) {
-      slice.batches.push_back(builder->take());
-      if (slice.batches.back().source == Source::registers && gates_->needed()) {
-        gates_->apply(session, register_places_, slice.batches.back());
+      slice_.batches.push_back(builder->take());
+      if (slice_.batches.back().source == Source::registers && gates_->needed()) {
+        gates_->apply(session, register_places_, slice_.batches.back());
       }
     }
   }
   gates_->catch_up();
   register_places_.clear();
+}
+
+/// Memory of a slice serves the next one.
+void Slicer::recycle_batches() {
+  for (Batch& batch : slice_.batches) {
+    builders_[static_cast<std::size_t>(batch.source)]->reuse(std::move(batch));
+  }
+  slice_.batches.clear();
+}
+
+/// Yields the batches of the slice with the records up to a time, or all of the session.
+void Slicer::emit(SessionId session, std::optional<Micros> until_us) {
+  Slice& slice = slice_;
+  slice.robot = robot_;
+  slice.session = session;
+  slice.gaps.clear();
+  slice.events.clear();
+  slice.clock.clear();
   if (const auto found = waiting_.find(session); found != waiting_.end()) {
     Waiting& waiting = found->second;
     move_until(waiting.gaps, slice.gaps, until_us, [](const Gap& g) { return g.t_from_us; });

@@ -35,7 +35,8 @@ class Slicer {
   /// Yields what is left of the part.
   void end_part();
 
-  /// A slice is cut before it spans more time or more rows of one source than this.
+  /// A slice is cut before it spans more time than this, one of several sources also before it has more rows of one of
+  /// them.
   static constexpr Micros kSpanUs = 3'600'000'000;
   static constexpr std::size_t kRows = 4096;
 
@@ -64,6 +65,7 @@ class Slicer {
   std::array<Lane, kSourceCount> lanes_;
   std::vector<std::int64_t> register_places_;  ///< of the rows of the slice that is being made
   std::map<SessionId, Waiting> waiting_;       ///< not yet handed out, per session
+  Slice slice_;
 
   bool fill(std::size_t source, std::size_t chunk, std::int64_t before);
   std::optional<std::size_t> first_lane();
@@ -71,6 +73,10 @@ class Slicer {
   void shorten(std::size_t source, SessionId session, Micros first_us, Cut& cut);
   void take_all(std::int64_t before);
   void take_rows(std::size_t source, std::int64_t before);
+  void one_source(std::size_t source);
+  void yield_sessions_before(SessionId session);
+  void finish_batches(SessionId session);
+  void recycle_batches();
   void emit(SessionId session, std::optional<Micros> until_us);
 };
 

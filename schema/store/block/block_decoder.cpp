@@ -80,7 +80,7 @@ bool BlockDecoder::load_shapes() {
     return false;
   }
   table_ = table;
-  constexpr std::size_t kKept = 8;
+  constexpr std::size_t kKept = 32;
   known_.resize(std::min(known_.size() + 1, kKept));
   known_[oldest_++ % kKept] = {head_.source, std::string(frame), table_};
   return leaves == table_->columns().size();

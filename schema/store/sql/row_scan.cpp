@@ -128,6 +128,7 @@ void RowScan::load() {
   Selection selection;
   selection.fields[static_cast<std::size_t>(query_.source)] = query_.fields;
   selection.rows[static_cast<std::size_t>(query_.source)] = true;
+  selection.records = false;
   log_->read(robot().id, {minus(stretch_.from_us, lead_), stretch_.to_us}, selection, [&](const Slice& slice) {
     if (const Batch* batch = slice.find(query_.source)) {
       pieces_.push_back({slice.session, *batch});

@@ -1,0 +1,202 @@
+// Speed of reading a log as columns: one JSON object per line. Usage: scan_bench [DAYS]
+//
+// One simulated robot, status at 1 Hz, registers at 5 Hz; the peer is the plain wide SQLite table that `export --format
+// sqlite` writes, read by SQLite itself. Times are medians of interleaved rounds of CPU time,
+// everything warm.
+
+#include <fmt/format.h>
+#include <stdlib.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "samples/simulator/write.hpp"
+#include "schema/log.hpp"
+#include "schema/store/sql/sqlite_export.hpp"
+#include "schema/store/sqlite.hpp"
+
+namespace {
+
+using namespace tacho;
+namespace fs = std::filesystem;
+
+constexpr int kRounds = 7;
+
+struct Scan {
+  Source source;
+  std::vector<FieldIndex> fields;
+  const char* sql;
+};
+
+const Scan kStatus{Source::status,
+                   {field("x"), field("y"), field("vx"), field("battery_level"), field("current"), field("blocked")},
+                   "select sum(x), sum(y), sum(vx), sum(battery_level), sum(current), sum(blocked) from status"};
+const Scan kRegisters{Source::registers,
+                      {field("x"), field("y"), field("vx"), field("battery_level"), field("current"), field("odo")},
+                      "select sum(x), sum(y), sum(vx), sum(battery_level), sum(current), sum(odo) from registers"};
+
+void print(const std::string& name, double value, const char* unit, double limit = 0, const char* better = "") {
+  fmt::print("{{\"name\":\"scan/{}\",\"value\":{:.6g},\"unit\":\"{}\"", name, value, unit);
+  if (limit != 0) {
+    fmt::print(",\"limit\":{:g},\"better\":\"{}\"", limit, better);
+  }
+  fmt::print("}}\n");
+}
+
+double cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Of this thread, system calls included: what else runs on the machine does not count.
+template <class Work>
+double seconds(Work work) {
+  const double start = cpu_seconds();
+  work();
+  return cpu_seconds() - start;
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+Selection selection_of(const Scan& scan) {
+  Selection selection;
+  selection.records = false;
+  for (const FieldIndex f : scan.fields) {
+    selection.add(scan.source, f);
+  }
+  return selection;
+}
+
+/// What the reader is read for: a sum of every column.
+double sum_columns(RowSource& log, const Selection& selection, Window window = {}) {
+  double sum = 0;
+  log.read(1, window, selection, [&](const Slice& slice) {
+    for (const Batch& batch : slice.batches) {
+      for (const Column& column : batch.columns) {
+        for (std::size_t i = 0; i < column.real.size(); ++i) {
+          sum += column.state[i] == State::present ? column.real[i] : 0.0;
+        }
+        for (std::size_t i = 0; i < column.integer.size(); ++i) {
+          sum += column.state[i] == State::present ? static_cast<double>(column.integer[i]) : 0.0;
+        }
+      }
+    }
+  });
+  return sum;
+}
+
+double sum_sql(store::Connection& wide, const char* sql) {
+  store::Statement statement(wide, sql);
+  statement.query();
+  double sum = 0;
+  while (statement.step()) {
+    for (int i = 0; i < 6; ++i) {
+      sum += statement.real(i);
+    }
+  }
+  return sum;
+}
+
+fs::path exported(RowSource& log, Source source, const fs::path& path) {
+  store::sql::SqliteExport what;
+  what.robots = log.robots();
+  what.sources = {source};
+  what.fields.set();
+  store::sql::export_sqlite(log, what, path);
+  return path;
+}
+
+void against_wide_table(const std::string& name, RowSource& log, const Scan& scan, const fs::path& folder) {
+  const Selection selection = selection_of(scan);
+  store::Connection wide(exported(log, scan.source, folder / (name + ".db")), store::OpenMode::read);
+  double rows = 0;
+  for (const Coverage& coverage : log.coverage()) {
+    rows = coverage.source == scan.source ? static_cast<double>(coverage.stored) : rows;
+  }
+  std::vector<double> columns;
+  std::vector<double> table;
+  double mine = 0;
+  double theirs = 0;
+  for (int round = 0; round < kRounds; ++round) {
+    columns.push_back(seconds([&] { mine = sum_columns(log, selection); }));
+    table.push_back(seconds([&] { theirs = sum_sql(wide, scan.sql); }));
+  }
+  if (std::abs(mine - theirs) > 1e-6 * std::abs(theirs)) {
+    fmt::print(stderr, "{}: sums differ: {} and {}\n", name, mine, theirs);
+    std::exit(1);
+  }
+  print(name + "/six_columns", rows / median(columns), "rows/s", 20e6, "higher");
+  print(name + "/six_columns_wide_table", rows / median(table), "rows/s");
+  print(name + "/faster_than_wide_table", median(table) / median(columns), "x", 10, "higher");
+}
+
+void measure(const fs::path& folder, double days) {
+  sim::WriteOptions options;
+  options.duration_us = static_cast<Micros>(days * 86'400e6);
+  options.status_period_us = 1'000'000;
+  options.registers_period_us = 200'000;
+  sim::write_log({sim::busy_day(1)}, options, folder / "log");
+  const std::vector<fs::path> paths{folder / "log"};
+  const auto log = open_log_mapped(paths);
+  against_wide_table("status", *log, kStatus, folder);
+  against_wide_table("registers", *log, kRegisters, folder);
+
+  Selection one;
+  one.records = false;
+  one.add(Source::status, field("battery_level"));
+  const Micros from = options.t0_us + options.duration_us / 2;
+  std::vector<double> hour;
+  for (int round = 0; round < 10 * kRounds; ++round) {
+    hour.push_back(seconds([&] { sum_columns(*log, one, {from, from + 3'600'000'000}); }));
+  }
+  print("one_hour_of_one_column", 1e3 * median(hour), "ms", 1, "lower");
+}
+
+/// 30 parts, one a day, as `info` reads them.
+void measure_opening(const fs::path& folder) {
+  sim::WriteOptions options;
+  options.duration_us = 30 * 86'400'000'000;
+  options.status_period_us = 30'000'000;
+  options.registers_period_us = 60'000'000;
+  sim::write_log({sim::busy_day(1)}, options, folder / "month");
+  const std::vector<fs::path> paths{folder / "month"};
+  std::vector<double> opening;
+  for (int round = 0; round < kRounds; ++round) {
+    opening.push_back(seconds([&] {
+      const auto log = open_log_mapped(paths);
+      if (log->coverage().empty() || log->robots().empty()) {
+        std::exit(1);
+      }
+    }));
+  }
+  print("open_30_parts", 1e3 * median(opening), "ms", 10, "lower");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc > 2) {  // an existing log, for a profiler
+    const std::vector<fs::path> paths{argv[2]};
+    const auto log = open_log_mapped(paths);
+    for (int i = 0; i < 40; ++i) {
+      sum_columns(*log, selection_of(argv[1][0] == 's' ? kStatus : kRegisters));
+    }
+    return 0;
+  }
+  std::string folder = (fs::temp_directory_path() / "tacho-scan-bench-XXXXXX").string();
+  if (mkdtemp(folder.data()) == nullptr) {
+    return 1;
+  }
+  measure(folder, argc > 1 ? std::atof(argv[1]) : 1.0);
+  measure_opening(folder);
+  fs::remove_all(folder);
+  return 0;
+}
