@@ -67,8 +67,8 @@ std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs)
   return std::make_unique<store::LogReader>(logs, decoders());
 }
 
-std::unique_ptr<RowSource> open_log_mapped(std::span<const std::filesystem::path> logs) {
-  return std::make_unique<store::LogReader>(logs, decoders(), store::Access::mapped);
+std::unique_ptr<RowSource> open_log_fast(std::span<const std::filesystem::path> logs) {
+  return std::make_unique<store::LogReader>(logs, decoders(), store::Access::fast);
 }
 
 struct AnswerDecoder::Impl {

@@ -17,7 +17,7 @@ namespace tacho {
 /// Opens a log for reading. Throws Error as LogReader does.
 std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs);
 /// The same, faster, for a program that is prepared for SIGBUS: see store::Access.
-std::unique_ptr<RowSource> open_log_mapped(std::span<const std::filesystem::path> logs);
+std::unique_ptr<RowSource> open_log_fast(std::span<const std::filesystem::path> logs);
 
 /// Decodes one stored answer of any source. `gates` belongs to the caller, one per robot: answers of `inputs` set it,
 /// answers of `registers` need it. It must be emptied where a session begins and where `inputs` has a gap, because a

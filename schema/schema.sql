@@ -101,7 +101,7 @@ CREATE TABLE unknown_key (
 
 -- what a closed part had in its small tables; empty while the part is written
 CREATE TABLE seal (
-  name TEXT PRIMARY KEY,                   -- of the table
+  name TEXT PRIMARY KEY,                   -- of the table; 'field names', 'code names': of the columns that opening a log needs
   rows INTEGER NOT NULL,                   -- how many it has
   crc INTEGER                              -- CRC-32C of all their columns; NULL: each row has its own
 ) STRICT, WITHOUT ROWID;

@@ -178,7 +178,7 @@ Job open_job(const Options& options) {
     job.settings = Settings::load(options.config);
   }
   const std::vector<fs::path> paths(options.logs.begin(), options.logs.end());
-  job.log = open_log_mapped(paths);
+  job.log = open_log_fast(paths);
   job.reader = dynamic_cast<const store::LogReader*>(job.log.get());
   job.robots = choose_robots(*job.log, options.robots);
   warn_about_settings(job.settings, *job.log);

@@ -65,7 +65,8 @@ constexpr bool kHasInstruction = false;
 }  // namespace
 
 Checksum& Checksum::add(std::int64_t value) {
-  state_ = advance(state_, static_cast<std::uint64_t>(value));
+  std::string_view bytes(reinterpret_cast<const char*>(&value), sizeof value);
+  state_ = kHasInstruction ? add_with_instruction(state_, bytes) : advance(state_, static_cast<std::uint64_t>(value));
   return *this;
 }
 

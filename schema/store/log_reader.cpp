@@ -60,7 +60,7 @@ std::string joined(std::span<const fs::path> paths) {
 
 struct LogReader::Impl {
   Decoders decoders;
-  Access access = Access::copied;
+  Access access = Access::careful;
   std::map<const PartHead*, std::unique_ptr<PartReader>> kept;  // of closed parts, open from read() to read()
   std::vector<PartHead> parts;                                  // by number
   std::vector<ReadProblem> problems;
@@ -84,7 +84,7 @@ struct LogReader::Impl {
   void drop_copies();
   void merge_heads();
   void merge_coverage();
-  PartReader reader(const PartHead& head, Access how = Access::copied);
+  PartReader reader(const PartHead& head, Access how = Access::careful);
   PartReader& kept_reader(const PartHead& head);
 
   template <class Use>
@@ -133,7 +133,7 @@ void LogReader::Impl::require_one_log(std::span<const fs::path> logs) {
 
 void LogReader::Impl::add_part(const fs::path& path) {
   try {
-    parts.push_back(read_part(path));
+    parts.push_back(read_part(path, access));
     for (const std::string& damage : parts.back().damage) {
       problem(path.string(), damage + "; what can be read is used");
     }
@@ -194,7 +194,7 @@ PartReader& LogReader::Impl::kept_reader(const PartHead& head) {
     if (kept.size() >= kKept) {
       kept.clear();
     }
-    const Access how = is_closed(head) ? access : Access::copied;
+    const Access how = is_closed(head) ? access : Access::careful;
     found = kept.insert_or_assign(&head, std::make_unique<PartReader>(reader(head, how))).first;
   }
   return *found->second;

@@ -21,8 +21,8 @@ namespace tacho::store {
 class LogReader final : public RowSource {
  public:
   /// Throws Error when nothing at all can be read: no such folder, no part in it, newer schema, parts of different
-  /// logs. `access`: of read(); everything else copies, because it is used where damage is.
-  LogReader(std::span<const std::filesystem::path> logs, Decoders decoders, Access access = Access::copied);
+  /// logs. `access`: of opening and read(); everything else is careful, because it is used where damage is.
+  LogReader(std::span<const std::filesystem::path> logs, Decoders decoders, Access access = Access::careful);
   ~LogReader() override;
 
   [[nodiscard]] std::vector<Robot> robots() const override;

@@ -148,7 +148,7 @@ Connection open_part_for_reading(const fs::path& path, Access access) {
     connection.exec("PRAGMA writable_schema = ON");
     connection.scalar("PRAGMA schema_version");  // touches the file, so that a refusal comes here
     connection.exec("PRAGMA cache_size = -4096");
-    if (access == Access::mapped) {
+    if (access == Access::fast) {
       connection.exec("PRAGMA mmap_size = 1073741824");
     }
     return connection;
@@ -168,7 +168,7 @@ Connection open_part_for_reading(const fs::path& path, Access access) {
   return opened(OpenMode::immutable);
 }
 
-PartHead read_head(const fs::path& path) {
+PartHead read_head(const fs::path& path, Access access) {
   PartHead head;
   head.path = path;
   Connection connection = open_identified(path);
@@ -183,7 +183,7 @@ PartHead read_head(const fs::path& path) {
   if (head.row.log.empty()) {
     throw NotAPart(path.string(), "has no part row", "it was never finished: move it out of the folder");
   }
-  Seal seal = check_seal(connection, head.row.closed);
+  Seal seal = check_seal(connection, head.row.closed, access == Access::careful);
   head.sealed_rows = std::move(seal.rows);
   std::move(seal.damage.begin(), seal.damage.end(), std::back_inserter(head.damage));
   head.checkpointed = connection.scalar("PRAGMA journal_mode") != "wal";

@@ -16,15 +16,14 @@
 
 namespace tacho::store {
 
-/// How pages of a file that nobody writes come into memory.
 enum class Access : std::uint8_t {
-  copied,  ///< by reading: a sector that cannot be read is an error like any other
-  mapped,  ///< by mapping the file, faster where pages are many; such a sector is a SIGBUS
+  careful,  ///< every page is read by the system, and everything that is sealed is compared
+  fast,     ///< closed parts are mapped, so that a sector that cannot be read is a SIGBUS; what is used is compared
 };
 
 /// Opens read-only, also a truncated file (SQLite itself refuses those) and a closed part in a read-only folder.
 /// Throws SqliteError.
-Connection open_part_for_reading(const std::filesystem::path& path, Access access = Access::copied);
+Connection open_part_for_reading(const std::filesystem::path& path, Access access = Access::careful);
 
 /// Throws Error when the file is not a part, or a part of a newer version of this program.
 class NotAPart : public Error {
@@ -66,6 +65,6 @@ inline bool is_closed(const PartHead& head) { return head.row.closed && head.che
 /// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`; then the counts
 /// are what the writer noted, see read_part() for what can really be read.
 /// Throws NotAPart, NewerPart, or SqliteError when not even the start can be read.
-PartHead read_head(const std::filesystem::path& path);
+PartHead read_head(const std::filesystem::path& path, Access access = Access::careful);
 
 }  // namespace tacho::store

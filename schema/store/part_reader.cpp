@@ -174,8 +174,8 @@ std::vector<ClockPoint> PartReader::clock(RobotId robot, Window window) {
   return rows;
 }
 
-PartHead read_part(const std::filesystem::path& path) {
-  PartHead head = read_head(path);
+PartHead read_part(const std::filesystem::path& path, Access access) {
+  PartHead head = read_head(path, access);
   if (head.damage.empty()) {
     return head;
   }

@@ -18,7 +18,7 @@ namespace tacho::store {
 class PartReader {
  public:
   /// `head` must outlive the reader. Throws SqliteError.
-  PartReader(const PartHead& head, Report report, Access access = Access::copied);
+  PartReader(const PartHead& head, Report report, Access access = Access::careful);
 
   /// Everything is read inside one of these: rows move into blocks while a log is recorded.
   class Transaction {
@@ -65,6 +65,6 @@ class PartReader {
 
 /// read_head(), with the counts of a damaged part as what can really be read. What was seen and valued, and which
 /// answers were undecodable, stays as the writer noted it.
-PartHead read_part(const std::filesystem::path& path);
+PartHead read_part(const std::filesystem::path& path, Access access = Access::careful);
 
 }  // namespace tacho::store

@@ -113,7 +113,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"unknown_key", "key",      "TEXT NOT NULL",    "path of the key"},
   {"unknown_key", "first_us", "INTEGER NOT NULL", "first answer of this part that had it, UTC microseconds"},
 
-  {"seal", "name", "TEXT PRIMARY KEY", "of the table"},
+  {"seal", "name", "TEXT PRIMARY KEY", "of the table; 'field names', 'code names': of the columns that opening a log needs"},
   {"seal", "rows", "INTEGER NOT NULL", "how many it has"},
   {"seal", "crc",  "INTEGER",          "CRC-32C of all their columns; NULL: each row has its own"},
 

@@ -240,6 +240,7 @@ void Statement::bind(int index, std::nullopt_t) {
 
 int Statement::columns() const { return sqlite3_column_count(handle_.get()); }
 bool Statement::floating(int column) const { return sqlite3_column_type(handle_.get(), column) == SQLITE_FLOAT; }
+bool Statement::whole(int column) const { return sqlite3_column_type(handle_.get(), column) == SQLITE_INTEGER; }
 bool Statement::null(int column) const { return sqlite3_column_type(handle_.get(), column) == SQLITE_NULL; }
 std::int64_t Statement::integer(int column) const { return sqlite3_column_int64(handle_.get(), column); }
 double Statement::real(int column) const { return sqlite3_column_double(handle_.get(), column); }

@@ -125,6 +125,7 @@ class Statement {
   [[nodiscard]] int columns() const;
   [[nodiscard]] bool null(int column) const;
   [[nodiscard]] bool floating(int column) const;
+  [[nodiscard]] bool whole(int column) const;
   [[nodiscard]] std::int64_t integer(int column) const;
   [[nodiscard]] double real(int column) const;
   /// Text or blob. Valid until the next step() or reset().

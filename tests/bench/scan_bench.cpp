@@ -145,7 +145,7 @@ void measure(const fs::path& folder, double days) {
   options.registers_period_us = 200'000;
   sim::write_log({sim::busy_day(1)}, options, folder / "log");
   const std::vector<fs::path> paths{folder / "log"};
-  const auto log = open_log_mapped(paths);
+  const auto log = open_log_fast(paths);
   against_wide_table("status", *log, kStatus, folder);
   against_wide_table("registers", *log, kRegisters, folder);
 
@@ -171,7 +171,7 @@ void measure_opening(const fs::path& folder) {
   std::vector<double> opening;
   for (int round = 0; round < kRounds; ++round) {
     opening.push_back(seconds([&] {
-      const auto log = open_log_mapped(paths);
+      const auto log = open_log_fast(paths);
       if (log->coverage().empty() || log->robots().empty()) {
         std::exit(1);
       }
@@ -185,7 +185,7 @@ void measure_opening(const fs::path& folder) {
 int main(int argc, char** argv) {
   if (argc > 2) {  // an existing log, for a profiler
     const std::vector<fs::path> paths{argv[2]};
-    const auto log = open_log_mapped(paths);
+    const auto log = open_log_fast(paths);
     for (int i = 0; i < 40; ++i) {
       sum_columns(*log, selection_of(argv[1][0] == 's' ? kStatus : kRegisters));
     }
