@@ -33,9 +33,9 @@ class HotLedger {
 
   // A block of fewer rows costs more per answer, one of more saves little (see README) and takes longer to make.
   static constexpr std::size_t kGoodRows = 600;
-  static constexpr Micros kGoodSpanUs = 600'000'000;
-  static constexpr std::size_t kMostRows = 4096;
-  static constexpr std::uint64_t kMostBytes = 8u << 20;  ///< of bodies; they are all in memory while a block is made
+  static constexpr Micros kGoodSpanUs = 1'800'000'000;
+  static constexpr std::size_t kMostRows = 16384;
+  static constexpr std::uint64_t kMostBytes = 16u << 20;  ///< of bodies; they are all in memory while a block is made
 
  private:
   struct Rows {
