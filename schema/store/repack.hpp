@@ -6,10 +6,12 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "schema/store/block/block_encoder.hpp"
 #include "schema/store/coverage.hpp"
+#include "schema/store/decode.hpp"
 #include "schema/store/part_writer.hpp"
 
 namespace tacho::store {
@@ -48,10 +50,10 @@ class HotLedger {
   std::map<StreamKey, Rows> streams_;
 };
 
-/// Makes blocks. Memory: the bodies of one block. One thread.
+/// Makes blocks, and with `decode` one-minute rollups of what is in them. Memory: the bodies of one block. One thread.
 class Repacker {
  public:
-  explicit Repacker(int zstd_level) : level_(zstd_level) {}
+  Repacker(int zstd_level, Decode decode) : level_(zstd_level), decode_(std::move(decode)) {}
 
   /// Moves `ids`, all hot rows of one stream, into blocks and deletes them, inside the open transaction. Rows that are
   /// damaged stay where they are. Throws SqliteError.
@@ -59,6 +61,7 @@ class Repacker {
 
  private:
   int level_;
+  Decode decode_;
 };
 
 using Deadline = std::chrono::steady_clock::time_point;

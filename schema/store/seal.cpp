@@ -17,7 +17,7 @@ namespace {
 constexpr std::array<std::string_view, 8> kHeadTables{"part",  "robot", "session",  "stream",
                                                       "field", "code",  "coverage", "unknown_key"};
 /// Rows that have one: only their number is sealed.
-constexpr std::array<std::string_view, 3> kRecordTables{"gap", "event", "clock"};
+constexpr std::array<std::string_view, 4> kRecordTables{"gap", "event", "clock", "rollup"};
 
 struct Sum {
   std::int64_t rows = 0;
