@@ -33,6 +33,7 @@ changed = set()
 
 def single(value):
     """The shortest decimal of the nearest float, as a number."""
+    value = struct.unpack("f", struct.pack("f", value))[0]
     for digits in range(6, 10):
         text = f"{value:.{digits}g}"
         if struct.pack("f", float(text)) == struct.pack("f", value):
