@@ -115,6 +115,7 @@ struct Recorder::Impl {
   static store::WriterOptions writer_options(const Config& config) {
     store::WriterOptions out;
     out.part_bytes = config.part_bytes;
+    out.decode = answer_decode();
     return out;
   }
 

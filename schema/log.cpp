@@ -51,17 +51,21 @@ std::optional<Micros> robot_time(const Sample& sample) {
 
 store::Decoders decoders() {
   // Shared because a std::function must be copyable; the reader keeps one copy.
-  const auto answers = std::make_shared<AnswerDecoder>();
   const auto blocks = std::make_shared<ColumnDecoder>();
-  return {[answers](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out) {
-            answers->decode(answer, stream.word_order, wanted, false, gates, out);
-          },
-          [blocks](store::BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
+  return {answer_decode(), [blocks](store::BlockDecoder& block, const Stream& stream, Batch& out, std::string& damage) {
             return blocks->decode(block, stream, out, damage);
           }};
 }
 
 }  // namespace
+
+store::Decode answer_decode() {
+  // Shared because a std::function must be copyable.
+  const auto answers = std::make_shared<AnswerDecoder>();
+  return [answers](const Answer& answer, const Stream& stream, const FieldSet& wanted, Gates& gates, Sample& out) {
+    answers->decode(answer, stream.word_order, wanted, false, gates, out);
+  };
+}
 
 std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs) {
   return std::make_unique<store::LogReader>(logs, decoders());

@@ -14,6 +14,9 @@
 
 namespace tacho {
 
+/// What the store asks about bodies: LogReader, and LogWriter for its rollups. Copies share buffers: one thread.
+store::Decode answer_decode();
+
 /// Opens a log for reading. Throws Error as LogReader does.
 std::unique_ptr<RowSource> open_log(std::span<const std::filesystem::path> logs);
 /// The same, faster, for a program that is prepared for SIGBUS: see store::Access.

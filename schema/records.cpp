@@ -57,4 +57,12 @@ std::string_view cause_name(Cause cause) { return kCauses[static_cast<std::size_
 std::string_view cause_meaning(Cause cause) { return kCauses[static_cast<std::size_t>(cause)].meaning; }
 std::string_view event_kind_name(EventKind kind) { return kEventKinds[static_cast<std::size_t>(kind)]; }
 
+void Rollup::add(const Rollup& later) {
+  rows += later.rows;
+  min = std::min(min, later.min);
+  max = std::max(max, later.max);
+  sum += later.sum;
+  last = later.last;
+}
+
 }  // namespace tacho

@@ -146,4 +146,19 @@ struct ClockPoint {
   std::optional<Micros> robot_us;  ///< robot clock as UTC
 };
 
+/// What one field of one source did in one minute. Only cells that are present count.
+struct Rollup {
+  RobotId robot = 0;
+  Source source = Source::status;
+  std::int64_t minute = 0;  ///< UTC minutes since 1970, by the middle of the answers (AnswerMeta::t_mid_us)
+  FieldIndex field = kNoField;
+  std::uint64_t rows = 0;
+  double min = 0;
+  double max = 0;
+  double sum = 0;
+  double last = 0;  ///< in order of arrival
+  /// `later` is of the same field and minute, and arrived after this.
+  void add(const Rollup& later);
+};
+
 }  // namespace tacho

@@ -260,7 +260,9 @@ Recovery recover(store::LogReader& log, const Survey& found, const fs::path& fol
   }
   Recovery out;
   {
-    store::LogWriter writer(folder);
+    store::WriterOptions options;
+    options.decode = answer_decode();
+    store::LogWriter writer(folder, options);
     out = Copier(log, found, writer).run();
   }
   const std::vector<fs::path> paths{folder};

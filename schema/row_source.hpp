@@ -139,6 +139,10 @@ class RowSource {
   /// Yields every stored answer of one source of one robot in order, byte for byte.
   virtual void read_raw(RobotId robot, Source source, Window window,
                         const std::function<void(const Answer&)>& yield) = 0;
+  /// One-minute rollups of a robot by source, minute and field, in portions because a year of them is large. A minute
+  /// may be in two portions: their sums add.
+  [[nodiscard]] virtual std::size_t rollup_portions() const { return 0; }
+  [[nodiscard]] virtual std::vector<Rollup> rollups(RobotId /*robot*/, std::size_t /*portion*/) { return {}; }
 };
 
 }  // namespace tacho

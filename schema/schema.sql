@@ -172,6 +172,21 @@ CREATE TABLE event (
   crc INTEGER NOT NULL                     -- CRC-32C of the other columns but id
 ) STRICT;
 
+-- what fields did per minute, of answers that are in blocks
+CREATE TABLE rollup (
+  robot INTEGER NOT NULL,                  -- robot.id
+  source INTEGER NOT NULL,                 -- code list source
+  minute INTEGER NOT NULL,                 -- UTC minutes since 1970, of the middle of the answer; datetime(minute * 60, 'unixepoch')
+  field INTEGER NOT NULL,                  -- field.id
+  rows INTEGER NOT NULL,                   -- answers that had a value; absent, not meaningful and not supplied are none
+  min REAL NOT NULL,                       -- in the unit of the field; flags are 0 and 1, alarm lists their length
+  max REAL NOT NULL,                       -- likewise
+  sum REAL NOT NULL,                       -- over rows: the mean
+  last REAL NOT NULL,                      -- in order of arrival
+  crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
+  PRIMARY KEY (robot, source, minute, field)
+) STRICT, WITHOUT ROWID;
+
 -- host wall clock, host monotonic clock and robot clock at one instant
 CREATE TABLE clock (
   id INTEGER PRIMARY KEY,                  -- order of arrival

@@ -163,18 +163,38 @@ struct AnswerMaker::Impl {
     for (const StatusKey& row : kIoKeys) {
       io_keys.push_back(parse_key(row));
     }
+    for (const Part& part : flat) {
+      if (part.value == Part::Value::rounded && part.field != field("confidence")) {
+        rounding[part.field] = {part.per_unit, part.decimals};
+      }
+    }
   }
+
+  /// How the controller rounds a field.
+  struct Rounding {
+    double per_unit = 1;
+    int decimals = -1;  ///< not at all
+  };
 
   Scenario scenario;
   Identity identity;
   std::vector<std::vector<Part>> keys;  // like kStatusKeys
   std::vector<Part> flat;
   std::vector<std::vector<Part>> io_keys;
+  std::array<Rounding, kFieldCount> rounding{};
   Readings readings;
 
   Moment read(const RobotState& state) {
     read_sensors(scenario, state, readings);
     return {scenario, identity, state, readings};
+  }
+
+  /// What a float register shows of the field, in the unit of the register.
+  [[nodiscard]] float in_register(FieldIndex f) const {
+    const auto [per_unit, decimals] = rounding[f];
+    const bool rounds = scenario.registers_rounded && decimals >= 0;
+    const double value = rounds ? rounded(readings[f] * per_unit, decimals) / per_unit : readings[f];
+    return static_cast<float>(value / kFields[f].reg.scale);
   }
 };
 
@@ -237,8 +257,8 @@ std::array<std::uint16_t, 140> AnswerMaker::registers(const RobotState& state) {
                           impl_->scenario.word_order, words[at], words[at + 1]);
         break;
       case RegisterType::f32:
-        wire::split_words(std::bit_cast<std::uint32_t>(static_cast<float>(value)), impl_->scenario.word_order,
-                          words[at], words[at + 1]);
+        wire::split_words(std::bit_cast<std::uint32_t>(impl_->in_register(f)), impl_->scenario.word_order, words[at],
+                          words[at + 1]);
         break;
       case RegisterType::none:
         break;

@@ -28,11 +28,18 @@ void append_shortest(std::string& out, Real value) {
   out.append(text, std::to_chars(text, text + sizeof text, value).ptr);
 }
 
+inline constexpr std::int64_t kPowersOfTen[] = {1,       10,        100,        1'000,       10'000,
+                                                100'000, 1'000'000, 10'000'000, 100'000'000, 1'000'000'000};
+
+/// The number that append_rounded() prints.
+inline double rounded(double value, int decimals) {
+  const auto unit = static_cast<double>(kPowersOfTen[decimals]);
+  return std::copysign(static_cast<double>(std::llround(std::abs(value) * unit)) / unit, value);
+}
+
 /// Rounded to `decimals` (0..9), without trailing zeros: 15, 0.82, -0.0 where a small negative value was rounded away.
 inline void append_rounded(std::string& out, double value, int decimals) {
-  constexpr std::int64_t kPower[] = {1,       10,        100,        1'000,       10'000,
-                                     100'000, 1'000'000, 10'000'000, 100'000'000, 1'000'000'000};
-  const std::int64_t unit = kPower[decimals];
+  const std::int64_t unit = kPowersOfTen[decimals];
   const std::int64_t scaled = std::llround(value * static_cast<double>(unit));
   if (scaled == 0) {
     out += std::signbit(value) ? "-0.0" : "0";

@@ -70,6 +70,7 @@ const std::vector<Key<Scenario>>& keys(const Scenario*) {
       {"slowed_per_km", &Scenario::slowed_per_km, 0},
       {"alarm_shape", &Scenario::alarm_shape, 0, 3},
       {"word_order", &Scenario::word_order},
+      {"registers_rounded", &Scenario::registers_rounded},
       {"battery_fields", &Scenario::battery_fields},
       {"clock_offset_s", &Scenario::clock_offset_s, -1e9, 1e9},
       {"ip", &Scenario::ip},

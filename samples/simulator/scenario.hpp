@@ -78,12 +78,13 @@ struct Scenario {
   // Reported shape.
   int alarm_shape = 2;  ///< 0: {"code":ts}; 1: + desc, times; 2: + code, dateTime, ...; 3: nested `alarms` too
   WordOrder word_order = WordOrder::cdab;
-  bool battery_fields = true;    ///< false: the answer has no battery_* keys and zero registers
-  double clock_offset_s = 0.0;   ///< robot clock minus true time
-  std::string ip = "127.0.0.1";  ///< what the robot says its address is
-  int modbus_unit = 1;           ///< requests for another unit get no answer; -1 = any
-  std::string body_file;         ///< serve exactly these bytes as every 11100 answer
-  std::string io_body_file;      ///< the same for 11013
+  bool registers_rounded = true;  ///< floats of registers: as the JSON answer prints them; false: noise in every bit
+  bool battery_fields = true;     ///< false: the answer has no battery_* keys and zero registers
+  double clock_offset_s = 0.0;    ///< robot clock minus true time
+  std::string ip = "127.0.0.1";   ///< what the robot says its address is
+  int modbus_unit = 1;            ///< requests for another unit get no answer; -1 = any
+  std::string body_file;          ///< serve exactly these bytes as every 11100 answer
+  std::string io_body_file;       ///< the same for 11013
 };
 
 /// One file may hold one scenario object or an array of them; paths in it are relative to its folder. Throws Error

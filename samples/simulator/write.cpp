@@ -78,6 +78,7 @@ class LogMaker {
   static store::WriterOptions writer_options() {
     store::WriterOptions options;
     options.durable = false;
+    options.decode = answer_decode();
     return options;
   }
   void store_session();

@@ -11,6 +11,7 @@
 #include "schema/store/order_guard.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/part_reader.hpp"
+#include "schema/store/rollup.hpp"
 #include "schema/store/slicer.hpp"
 
 namespace tacho::store {
@@ -411,6 +412,18 @@ void LogReader::part_answers(std::size_t part, RobotId robot, const std::functio
 std::uint64_t LogReader::first_poll(const Stream& stream) const {
   const auto found = impl_->first_seq.find({stream.session, stream.robot, stream.source});
   return found == impl_->first_seq.end() ? 0 : found->second;
+}
+
+std::size_t LogReader::rollup_portions() const { return impl_->parts.size(); }
+
+std::vector<Rollup> LogReader::rollups(RobotId robot, std::size_t portion) {
+  const PartHead& head = impl_->parts[portion];
+  try {
+    return read_rollups(head, robot, [&](const std::string& what) { impl_->problem(head.path.string(), what); });
+  } catch (const SqliteError& error) {
+    impl_->problem(head.path.string(), std::string(error.what()) + "; its rollups are left out");
+    return {};
+  }
 }
 
 }  // namespace tacho::store

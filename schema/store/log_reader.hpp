@@ -34,6 +34,9 @@ class LogReader final : public RowSource {
   void read(RobotId robot, Window window, const Selection& selection,
             const std::function<void(const Slice&)>& yield) override;
   void read_raw(RobotId robot, Source source, Window window, const std::function<void(const Answer&)>& yield) override;
+  /// A portion is a part.
+  [[nodiscard]] std::size_t rollup_portions() const override;
+  [[nodiscard]] std::vector<Rollup> rollups(RobotId robot, std::size_t portion) override;
 
   struct PartInfo {
     std::filesystem::path path;

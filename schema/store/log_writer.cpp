@@ -91,7 +91,7 @@ struct LogWriter::Impl {
   std::map<StreamId, Tally> tallies;  // of the ended session
 
   Impl(const fs::path& folder, WriterOptions how)
-      : options(how), parts(folder, how.durable), encoder(how.zstd_level), repacker(how.zstd_level) {
+      : options(how), parts(folder, how.durable), encoder(how.zstd_level), repacker(how.zstd_level, how.decode) {
     if (parts.found()) {
       adopt(*parts.found());
     }

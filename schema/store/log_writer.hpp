@@ -20,6 +20,7 @@
 #include "schema/records.hpp"
 #include "schema/row_source.hpp"
 #include "schema/sample.hpp"
+#include "schema/store/decode.hpp"
 
 namespace tacho::store {
 
@@ -30,6 +31,7 @@ struct WriterOptions {
   int zstd_level = 3;
   bool blocks = true;   ///< false: rows stay hot, as in a part that a kill left; only tests want that
   bool durable = true;  ///< synchronous FULL; false only for generated logs that can be made again
+  Decode decode = {};   ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
 };
 
 class LogWriter {

@@ -103,6 +103,7 @@ fs::path create_part(const fs::path& folder, const PartRow& row, const std::func
   {
     Connection connection(unfinished, OpenMode::create);
     connection.set_pragma("page_size", kPageSize);
+    connection.set_pragma("auto_vacuum", "2");  // incremental: only close_part() gives back what hot rows took
     connection.set_pragma("synchronous", "2");
     Transaction transaction(connection);
     connection.exec(schema_sql());
@@ -152,6 +153,7 @@ void reopen_part(Connection& connection) {
 bool close_part(Connection& connection) {
   {
     Transaction transaction(connection);
+    connection.exec("PRAGMA incremental_vacuum");
     connection.exec("UPDATE part SET closed = 1");
     write_seal(connection);
     transaction.commit();

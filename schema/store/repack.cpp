@@ -5,17 +5,23 @@
 #include <utility>
 
 #include "schema/store/hot_scan.hpp"
+#include "schema/store/rollup.hpp"
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
 
 namespace {
 
-WordOrder word_order_of(Connection& connection, const StreamKey& key) {
+/// With defaults where the row is damaged.
+Stream stream_of(Connection& connection, const StreamKey& key) {
   Statement row(connection, select_sql("stream") + " WHERE session = ?1 AND robot = ?2 AND source = ?3");
   row.query(key.session, key.robot, source_name(key.source));
-  const std::optional<StreamRow> stream = row.step() ? read_stream(row) : std::nullopt;
-  return stream ? stream->stream.word_order : WordOrder::cdab;
+  Stream stream;
+  stream.session = key.session;
+  stream.robot = key.robot;
+  stream.source = key.source;
+  const std::optional<StreamRow> found = row.step() ? read_stream(row) : std::nullopt;
+  return found ? found->stream : stream;
 }
 
 /// Rows that become one block.
@@ -104,11 +110,15 @@ std::span<const std::int64_t> HotLedger::rows(const StreamKey& key) const {
 void Repacker::move(PartWriter& part, const StreamKey& key, std::span<const std::int64_t> ids) {
   Connection& connection = part.connection();
   const Vocabulary vocabulary = read_vocabulary(connection);
-  const WordOrder order = word_order_of(connection, key);
+  const Stream stream = stream_of(connection, key);
+  std::optional<RollupMaker> rollups;
+  if (const FieldSet fields = decode_ ? rollup_fields(connection, stream) : FieldSet(); fields.any()) {
+    rollups.emplace(decode_, stream, fields);
+  }
   Statement fetch(connection, select_sql("hot") + " WHERE id = ?1");
   Statement erase(connection, "DELETE FROM hot WHERE id = ?1");
   BodyChain chain(connection, vocabulary);
-  BlockEncoder encoder({HotLedger::kMostRows, level_, order});
+  BlockEncoder encoder({HotLedger::kMostRows, level_, stream.word_order});
   Group group;
   const auto flush = [&] {
     const std::string data = encoder.finish();
@@ -142,9 +152,15 @@ void Repacker::move(PartWriter& part, const StreamKey& key, std::span<const std:
       assert(taken && "the first answer of a block is always taken");
     }
     group.add(row);
+    if (rollups) {
+      rollups->add(answer);
+    }
   }
   fetch.reset();
   flush();
+  if (rollups) {
+    rollups->write(connection);
+  }
 }
 
 bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, Deadline until) {

@@ -6,10 +6,12 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "schema/store/block/block_encoder.hpp"
 #include "schema/store/coverage.hpp"
+#include "schema/store/decode.hpp"
 #include "schema/store/part_writer.hpp"
 
 namespace tacho::store {
@@ -33,9 +35,9 @@ class HotLedger {
 
   // A block of fewer rows costs more per answer, one of more saves little (see README) and takes longer to make.
   static constexpr std::size_t kGoodRows = 600;
-  static constexpr Micros kGoodSpanUs = 600'000'000;
-  static constexpr std::size_t kMostRows = 4096;
-  static constexpr std::uint64_t kMostBytes = 8u << 20;  ///< of bodies; they are all in memory while a block is made
+  static constexpr Micros kGoodSpanUs = 1'800'000'000;
+  static constexpr std::size_t kMostRows = 16384;
+  static constexpr std::uint64_t kMostBytes = 16u << 20;  ///< of bodies; they are all in memory while a block is made
 
  private:
   struct Rows {
@@ -48,10 +50,10 @@ class HotLedger {
   std::map<StreamKey, Rows> streams_;
 };
 
-/// Makes blocks. Memory: the bodies of one block. One thread.
+/// Makes blocks, and with `decode` one-minute rollups of what is in them. Memory: the bodies of one block. One thread.
 class Repacker {
  public:
-  explicit Repacker(int zstd_level) : level_(zstd_level) {}
+  Repacker(int zstd_level, Decode decode) : level_(zstd_level), decode_(std::move(decode)) {}
 
   /// Moves `ids`, all hot rows of one stream, into blocks and deletes them, inside the open transaction. Rows that are
   /// damaged stay where they are. Throws SqliteError.
@@ -59,6 +61,7 @@ class Repacker {
 
  private:
   int level_;
+  Decode decode_;
 };
 
 using Deadline = std::chrono::steady_clock::time_point;

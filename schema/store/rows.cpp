@@ -1,5 +1,7 @@
 #include "schema/store/rows.hpp"
 
+#include <bit>
+
 #include "schema/store/checksum.hpp"
 
 namespace tacho::store {
@@ -69,6 +71,15 @@ std::int64_t checksum(const ClockPoint& c) {
       .value();
 }
 
+std::int64_t checksum(const Rollup& r, std::int64_t source, std::int64_t field) {
+  Checksum sum;
+  sum.add(wide(r.robot)).add(source).add(r.minute).add(field).add(wide(r.rows));
+  for (const double value : {r.min, r.max, r.sum, r.last}) {
+    sum.add(std::bit_cast<std::int64_t>(value + 0.0));  // SQLite keeps no negative zero
+  }
+  return sum.value();
+}
+
 }  // namespace
 
 std::int64_t checksum(const HotRow& row) {
@@ -128,6 +139,10 @@ void write(Statement& insert, const Event& e) {
 
 void write(Statement& insert, const ClockPoint& c) {
   insert.run(std::nullopt, c.robot, c.session, c.wall_us, c.mono_us, c.robot_us, checksum(c));
+}
+
+void write(Statement& insert, const Rollup& r, std::int64_t source, std::int64_t field) {
+  insert.run(r.robot, source, r.minute, field, r.rows, r.min, r.max, r.sum, r.last, checksum(r, source, field));
 }
 
 Robot read_robot(const Statement& row) {
@@ -252,6 +267,28 @@ std::optional<ClockPoint> read_clock(const Statement& row) {
     c.robot_us = row.integer(5);
   }
   return checksum(c) == row.integer(6) ? std::optional(c) : std::nullopt;
+}
+
+std::optional<Rollup> read_rollup(const Statement& row, const Vocabulary& vocabulary) {
+  Rollup r;
+  r.robot = static_cast<RobotId>(row.integer(0));
+  const std::int64_t source = row.integer(1);
+  r.minute = row.integer(2);
+  const std::int64_t field = row.integer(3);
+  r.rows = static_cast<std::uint64_t>(row.integer(4));
+  r.min = row.real(5);
+  r.max = row.real(6);
+  r.sum = row.real(7);
+  r.last = row.real(8);
+  const auto s = static_cast<std::size_t>(source);
+  const auto f = static_cast<std::size_t>(field);
+  if (checksum(r, source, field) != row.integer(9) || s >= vocabulary.source.size() || !vocabulary.source[s] ||
+      f >= vocabulary.field.size()) {
+    return std::nullopt;
+  }
+  r.source = *vocabulary.source[s];
+  r.field = vocabulary.field[f];
+  return r;
 }
 
 }  // namespace tacho::store

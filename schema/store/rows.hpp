@@ -56,6 +56,8 @@ void write(Statement& insert, const BlockRow& row);
 void write(Statement& insert, const Gap& gap);
 void write(Statement& insert, const Event& event);
 void write(Statement& insert, const ClockPoint& point);
+/// `field` and `source`: numbers of the part.
+void write(Statement& insert, const Rollup& rollup, std::int64_t source, std::int64_t field);
 
 Robot read_robot(const Statement& row);
 Session read_session(const Statement& row);
@@ -71,5 +73,6 @@ inline constexpr std::string_view kBlockPlaces =
 std::optional<Gap> read_gap(const Statement& row);
 std::optional<Event> read_event(const Statement& row);
 std::optional<ClockPoint> read_clock(const Statement& row);
+std::optional<Rollup> read_rollup(const Statement& row, const Vocabulary& vocabulary);
 
 }  // namespace tacho::store

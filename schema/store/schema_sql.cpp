@@ -39,6 +39,7 @@ constexpr auto kTables = std::to_array<Table>({
   {"block",       "stored answers of one stream that were moved out of hot", "", "STRICT"},
   {"gap",         "planned polls without an answer", "", "STRICT"},
   {"event",       "what happened, seen while recording", "", "STRICT"},
+  {"rollup",      "what fields did per minute, of answers that are in blocks", "PRIMARY KEY (robot, source, minute, field)", "STRICT, WITHOUT ROWID"},
   {"clock",       "host wall clock, host monotonic clock and robot clock at one instant", "", "STRICT"},
 });
 
@@ -170,6 +171,17 @@ constexpr auto kColumns = std::to_array<Column>({
   {"event", "new_value", "TEXT NOT NULL",       "after"},
   {"event", "detail",    "TEXT NOT NULL",       "the robot's own words"},
   {"event", "crc",       "INTEGER NOT NULL",    "CRC-32C of the other columns but id"},
+
+  {"rollup", "robot",  "INTEGER NOT NULL", "robot.id"},
+  {"rollup", "source", "INTEGER NOT NULL", "code list source"},
+  {"rollup", "minute", "INTEGER NOT NULL", "UTC minutes since 1970, of the middle of the answer; datetime(minute * 60, 'unixepoch')"},
+  {"rollup", "field",  "INTEGER NOT NULL", "field.id"},
+  {"rollup", "rows",   "INTEGER NOT NULL", "answers that had a value; absent, not meaningful and not supplied are none"},
+  {"rollup", "min",    "REAL NOT NULL",    "in the unit of the field; flags are 0 and 1, alarm lists their length"},
+  {"rollup", "max",    "REAL NOT NULL",    "likewise"},
+  {"rollup", "sum",    "REAL NOT NULL",    "over rows: the mean"},
+  {"rollup", "last",   "REAL NOT NULL",    "in order of arrival"},
+  {"rollup", "crc",    "INTEGER NOT NULL", "CRC-32C of the other columns"},
 
   {"clock", "id",       "INTEGER PRIMARY KEY", "order of arrival"},
   {"clock", "robot",    "INTEGER NOT NULL",    "robot.id; 0: host clocks only"},

@@ -29,7 +29,7 @@ constexpr std::array<HeadTable, 8> kHeadTables{{{"part", "", ""},
                                                 {"coverage", "", ""},
                                                 {"unknown_key", "", ""}}};
 /// Rows that have one: only their number is sealed.
-constexpr std::array<std::string_view, 3> kRecordTables{"gap", "event", "clock"};
+constexpr std::array<std::string_view, 4> kRecordTables{"gap", "event", "clock", "rollup"};
 
 struct Sum {
   std::int64_t rows = 0;

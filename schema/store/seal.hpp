@@ -24,9 +24,9 @@ struct Seal {
   SealedRows rows;
   std::vector<std::string> damage;  ///< in words; tables that are not as they were sealed
 };
-/// Compares the tables that have a checksum here; the rows of gap, event and clock are counted where they are read.
-/// `closed`: a part without a seal is damaged, unless it is older than seals. `whole`: also columns that opening a log
-/// does not need.
+/// Compares the tables that have a checksum here; the rows of gap, event, clock and rollup are counted where they are
+/// read. `closed`: a part without a seal is damaged, unless it is older than seals. `whole`: also columns that opening a
+/// log does not need.
 Seal check_seal(Connection& connection, bool closed, bool whole);
 
 }  // namespace tacho::store

@@ -1,28 +1,30 @@
-// Size and speed of column blocks: one JSON object per line. Usage: block_bench [ANSWER.json]
+// Size and speed of column blocks: one JSON object per line. Usage: block_bench [ANSWERS]
 //
-// Status answers are those of a simulated robot on a busy day at 1 Hz, register sweeps the same robot's at 5 Hz, once
-// as its controller rounds them and once with noise in every bit of the floats that change. With a file, the answer in
-// it is used instead: every number of 13 or more digits is moved a little in each row.
+// Data is profile S (schema/README.md): status answers of a simulated robot on a busy day at 1 Hz, register sweeps of
+// the same robot at 5 Hz, once as its controller rounds them and once with noise in every bit of the floats; then the
+// log of a whole day as the writer makes it, for both. With a file only the status figures, of the answers in it, one
+// per line, taken as a second apart: what real_body.sh makes of one real answer, or `tacho-analyzer export --raw`.
 
 #include <fmt/format.h>
 #include <zstd.h>
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
-#include <cmath>
 #include <ctime>
+#include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "samples/simulator/answers.hpp"
 #include "samples/simulator/robot.hpp"
+#include "samples/simulator/write.hpp"
 #include "schema/store/block/block_decoder.hpp"
 #include "schema/store/block/block_encoder.hpp"
+#include "schema/store/sqlite.hpp"
 #include "schema/wire/registers.hpp"
+#include "tests/support/temp_dir.hpp"
 
 namespace {
 
@@ -31,7 +33,10 @@ using store::BlockDecoder;
 using store::BlockEncoder;
 
 constexpr Micros kT0 = 1'767'225'600'000'000;
-constexpr std::size_t kLengths[] = {60, 300, 600, 3000};
+/// Goals are those of this length: the one the log writer makes at 1 Hz.
+constexpr std::size_t kDefault = store::BlockOptions{}.rows;
+constexpr double kScanGoal = 20;
+constexpr std::size_t kLengths[] = {60, 600, kDefault};
 
 /// Of this process; other programs do not count.
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
@@ -40,8 +45,14 @@ void print(const std::string& name, double value, const char* unit) {
   fmt::print("{{\"name\":\"blocks/{}\",\"value\":{:.6g},\"unit\":\"{}\"}}\n", name, value, unit);
 }
 
+constexpr double kNoGoal = 0;
+
 /// A figure with a goal; `better` is "lower" or "higher".
 void print(const std::string& name, double value, const char* unit, double limit, const char* better) {
+  if (limit == kNoGoal) {
+    print(name, value, unit);
+    return;
+  }
   fmt::print("{{\"name\":\"blocks/{}\",\"value\":{:.6g},\"unit\":\"{}\",\"limit\":{:g},\"better\":\"{}\"}}\n", name,
              value, unit, limit, better);
 }
@@ -77,80 +88,34 @@ std::vector<Answer> simulated_status(std::size_t rows) {
   return answers;
 }
 
-/// A number of the answer that moves.
-struct Moving {
-  std::size_t begin = 0;
-  std::size_t end = 0;
-  double value = 0;
-  bool single = false;
-};
-
-std::vector<Moving> moving_numbers(const std::string& body) {
-  std::vector<Moving> numbers;
-  constexpr std::string_view kDigits = "0123456789.-+e";
-  constexpr std::size_t kFull = 13;
-  bool quoted = false;
-  for (std::size_t at = 0; at < body.size(); ++at) {
-    quoted = body[at] == '"' && body[at - 1] != '\\' ? !quoted : quoted;
-    if (quoted || (body[at] != '-' && (body[at] < '0' || body[at] > '9'))) {
-      continue;
-    }
-    const std::size_t end = std::min(body.find_first_not_of(kDigits, at), body.size());
-    double value = 0;
-    std::from_chars(body.data() + at, body.data() + end, value);
-    if (end - at > kFull && value != std::floor(value)) {
-      numbers.push_back({at, end, value, static_cast<double>(static_cast<float>(value)) == value});
-    }
-    at = end - 1;
-  }
-  return numbers;
-}
-
-std::vector<Answer> jittered(const std::string& file, std::size_t rows) {
+std::vector<Answer> answers_in(const std::string& file) {
   std::ifstream in(file);
-  const std::string body{std::istreambuf_iterator<char>(in), {}};
-  const std::vector<Moving> numbers = moving_numbers(body);
-  print("moving_numbers", static_cast<double>(numbers.size()), "1");
-  std::mt19937_64 random(3);
-  std::normal_distribution<double> noise;
   Clock clock(1'000'000);
-  std::vector<Answer> answers(rows);
-  for (Answer& answer : answers) {
+  std::vector<Answer> answers;
+  for (std::string line; std::getline(in, line);) {
+    Answer& answer = answers.emplace_back();
     answer.meta = clock.next(Source::status);
-    std::size_t from = 0;
-    for (const Moving& number : numbers) {
-      answer.body.append(body, from, number.begin - from);
-      const double moved = number.value * (1 + 1e-3 * noise(random));
-      answer.body += fmt::format("{}", number.single ? static_cast<double>(static_cast<float>(moved)) : moved);
-      from = number.end;
-    }
-    answer.body.append(body, from);
+    answer.body = line;
   }
   return answers;
 }
 
-/// `rounded`: floats to three decimals, as JSON answers have them; else as the controller computes them, noise in all
-/// bits.
+sim::Scenario profile(bool rounded) {
+  sim::Scenario scenario = sim::busy_day(1);
+  scenario.registers_rounded = rounded;
+  return scenario;
+}
+
 std::vector<Answer> sweeps(std::size_t rows, bool rounded) {
-  sim::Robot robot(sim::busy_day(1), kT0);
-  sim::AnswerMaker maker(robot.scenario());
+  const sim::Scenario scenario = profile(rounded);
+  sim::Robot robot(scenario, kT0);
+  sim::AnswerMaker maker(scenario);
   Clock clock(200'000);
   std::vector<Answer> answers;
   for (std::size_t i = 0; i < rows; ++i) {
     Answer& answer = answers.emplace_back();
     answer.meta = clock.next(Source::registers);
-    std::array<std::uint16_t, 140> words = maker.registers(robot.at(answer.meta.t_send_us));
-    for (const Field& field : kFields) {
-      if (!rounded || field.reg.discrete || field.reg.type != RegisterType::f32) {
-        continue;
-      }
-      std::uint16_t& first = words[field.reg.address - 1U];
-      std::uint16_t& second = words[field.reg.address];
-      const auto value = std::bit_cast<float>(wire::join_words(first, second, WordOrder::cdab));
-      constexpr double kUnit = 1000;
-      const auto near = static_cast<float>(std::round(static_cast<double>(value) * kUnit) / kUnit);
-      wire::split_words(std::bit_cast<std::uint32_t>(near), WordOrder::cdab, first, second);
-    }
+    const std::array<std::uint16_t, 140> words = maker.registers(robot.at(answer.meta.t_send_us));
     wire::append_words(answer.body, {1, 100}, std::span(words).subspan(0, 100));
     wire::append_words(answer.body, {120, 21}, std::span(words).subspan(119, 21));
   }
@@ -208,29 +173,66 @@ double lines_bytes(const std::vector<Answer>& answers) {
   return bytes;
 }
 
-/// Average size of a full-precision reading that is a column of its own.
-void print_doubles(const Encoded& encoded, const std::string& length, double rows) {
-  double bytes = 0;
+/// Full-precision readings of a block: columns, and parts of columns, that are stored as bits.
+struct Reals {
   std::size_t doubles = 0;
-  BlockDecoder decoder;
-  for (const std::string& block : encoded.blocks) {
-    if (!decoder.open(block).empty()) {
-      return;
+  std::size_t floats = 0;
+  double double_bytes = 0;
+  double float_bytes = 0;
+
+  void add(const store::ColumnEntry& entry) {
+    if (entry.form == store::ColumnForm::numbers && entry.style.kind == store::NumberKind::real64) {
+      ++doubles;
+      double_bytes += static_cast<double>(entry.length);
+    } else if (entry.form == store::ColumnForm::numbers && entry.style.kind == store::NumberKind::real32) {
+      ++floats;
+      float_bytes += static_cast<double>(entry.length);
     }
-    doubles = 0;
-    for (const store::ColumnInfo& column : decoder.columns()) {
-      const bool real = column.form == store::ColumnForm::numbers && column.style.kind == store::NumberKind::real64;
-      bytes += real ? static_cast<double>(column.bytes) : 0;
-      doubles += real ? 1 : 0;
+    for (const store::ColumnEntry& child : entry.children) {
+      add(child);
     }
   }
-  print("doubles" + length, static_cast<double>(doubles), "columns");
-  constexpr double kGoal = 6.5;
-  print("double" + length, bytes / rows / static_cast<double>(std::max<std::size_t>(doubles, 1)), "B", kGoal, "lower");
+};
+
+/// Of all blocks; the counts are those of the block that has most.
+Reals reals_of(const Encoded& encoded) {
+  Reals all;
+  for (const std::string& block : encoded.blocks) {
+    store::BlockHead head;
+    store::BlockDirectory directory;
+    Reals reals;
+    if (store::read_block(block, head, directory).empty()) {
+      for (const store::ColumnEntry& entry : directory.entries) {
+        reals.add(entry);
+      }
+    }
+    all.doubles = std::max(all.doubles, reals.doubles);
+    all.floats = std::max(all.floats, reals.floats);
+    all.double_bytes += reals.double_bytes;
+    all.float_bytes += reals.float_bytes;
+  }
+  return all;
+}
+
+/// The goal for an answer: 50 B, and 6.5 B per full-precision reading.
+void print_status_size(const Encoded& encoded, const std::string& length, double rows, bool goals) {
+  constexpr double kPerReal = 6.5;
+  constexpr double kRest = 50;
+  const Reals reals = reals_of(encoded);
+  const auto count = static_cast<double>(reals.doubles + reals.floats);
+  print("status" + length, encoded.bytes / rows, "B/row", goals ? kRest + kPerReal * count : kNoGoal, "lower");
+  print("status_doubles" + length, static_cast<double>(reals.doubles), "columns");
+  print("status_floats" + length, static_cast<double>(reals.floats), "columns");
+  if (reals.doubles > 0) {
+    print("double" + length, reals.double_bytes / rows / static_cast<double>(reals.doubles), "B",
+          goals ? kPerReal : kNoGoal, "lower");
+  }
+  print("status_rest" + length, (encoded.bytes - reals.double_bytes - reals.float_bytes) / rows, "B/row",
+        goals ? kRest : kNoGoal, "lower");
 }
 
 /// Values of six numeric paths of all blocks, until it has taken long enough to be measured.
-void scan(const Encoded& encoded, const std::vector<std::string>& paths, const std::string& name) {
+void scan(const Encoded& encoded, const std::vector<std::string>& paths, const std::string& name, double goal) {
   BlockDecoder decoder;
   TextPool pool;
   store::ColumnValues values;
@@ -252,8 +254,7 @@ void scan(const Encoded& encoded, const std::vector<std::string>& paths, const s
       rows += decoder.head().rows;
     }
   }
-  constexpr double kGoal = 20;
-  print(name, rows / (cpu_seconds() - start) / 1e6, "Mrows/s", kGoal, "higher");
+  print(name, rows / (cpu_seconds() - start) / 1e6, "Mrows/s", goal, "higher");
   if (sum == 0) {
     fmt::print(stderr, "block_bench: nothing was read\n");
   }
@@ -280,36 +281,113 @@ void bench_status(const std::vector<Answer>& answers) {
   for (const std::size_t n : kLengths) {
     const std::string length = fmt::format("_{}", n);
     const Encoded encoded = encode(answers, n);
-    print("status" + length, encoded.bytes / rows, "B/row");
-    print("status_to_lines" + length, encoded.bytes / lines, "1");
-    print_doubles(encoded, length, rows);
+    const bool goals = n == kDefault;
+    print_status_size(encoded, length, rows, goals);
+    print("status_to_lines" + length, encoded.bytes / lines, "1", goals ? 0.6 : kNoGoal, "lower");
     print("status_encode" + length, rows / encoded.seconds, "rows/s");
     read_all(encoded, "status_read_all" + length);
-    scan(encoded, {"x", "y", "angle", "vx", "w", "battery_level"}, "status_scan_six" + length);
+    scan(encoded, {"x", "y", "angle", "vx", "w", "battery_level"}, "status_scan_six" + length,
+         goals ? kScanGoal : kNoGoal);
   }
 }
 
 void bench_registers(bool rounded) {
-  constexpr std::size_t kRows = 12'000;
+  constexpr std::size_t kRows = 18'000;
   const std::vector<Answer> answers = sweeps(kRows, rounded);
   const auto fields = static_cast<double>(std::count_if(
       kFields.begin(), kFields.end(), [](const Field& field) { return field.reg.present() && !field.reg.discrete; }));
   const std::string name = rounded ? "registers_rounded" : "registers_noisy";
-  for (const std::size_t n : kLengths) {
+  constexpr std::size_t kHalfHour = 9000;
+  for (const std::size_t n : {std::size_t{600}, kHalfHour}) {
     const std::string length = fmt::format("_{}", n);
     const Encoded encoded = encode(answers, n);
     print(name + length, encoded.bytes / kRows, "B/row");
-    print(name + "_field" + length, encoded.bytes / kRows / fields, "B", rounded ? 0.2 : 0.5, "lower");
+    const bool goals = n == kHalfHour;
+    print(name + "_field" + length, encoded.bytes / kRows / fields, "B",
+          !goals    ? kNoGoal
+          : rounded ? 0.2
+                    : 0.5,
+          "lower");
     print(name + "_encode" + length, kRows / encoded.seconds, "rows/s");
-    scan(encoded, {"3x1-2", "3x3-4", "3x5-6", "3x51-52", "3x55-56", "3x11-12"}, name + "_scan_six" + length);
+    scan(encoded, {"3x1-2", "3x3-4", "3x5-6", "3x51-52", "3x55-56", "3x11-12"}, name + "_scan_six" + length,
+         goals ? kScanGoal : kNoGoal);
   }
+}
+
+/// Bytes of numbers, times and places of the rows in all blocks.
+double stamp_bytes(store::Connection& part) {
+  double bytes = 0;
+  store::Statement row(part, "SELECT data FROM block");
+  for (row.query(); row.step();) {
+    store::BlockHead head;
+    store::BlockDirectory directory;
+    if (store::read_block(row.bytes(0), head, directory).empty()) {
+      for (const store::ColumnEntry& entry : directory.entries) {
+        const bool stamp = entry.position == store::kSeqColumn || entry.position == store::kSendColumn ||
+                           entry.position == store::kRoundTripColumn || entry.position == store::kPlaceColumn;
+        bytes += stamp ? static_cast<double>(entry.length) : 0;
+      }
+    }
+  }
+  return bytes;
+}
+
+/// Profile S for a day, through the writer: the closed part as it lies on the disk.
+void bench_day(bool rounded) {
+  const test::TempDir dir;
+  const sim::Scenario scenario = profile(rounded);
+  sim::WriteOptions options;
+  options.duration_us = 86'400'000'000;
+  options.io_period_us = 500'000;
+  options.registers_period_us = 200'000;
+  options.inputs_period_us = 200'000;
+  const double start = cpu_seconds();
+  sim::write_log({scenario}, options, dir.path());
+  const std::string name = rounded ? "day" : "day_noisy_registers";
+  print(name + "_cpu", cpu_seconds() - start, "s");
+  double total = 0;
+  for (const auto& file : std::filesystem::directory_iterator(dir.path())) {
+    if (file.path().extension() != ".db") {
+      continue;
+    }
+    total += static_cast<double>(file.file_size());
+    store::Connection part(file.path(), store::OpenMode::read);
+    constexpr double kMegabyte = 1e6;
+    const auto print_bytes = [&](const std::string& what, double bytes) {
+      print(name + "_" + what, bytes / kMegabyte, "MB/robot-day");
+    };
+    for (std::size_t s = 0; s < kSourceCount; ++s) {
+      const std::string source(source_name(static_cast<Source>(s)));
+      print_bytes(source, static_cast<double>(part.integer(
+                              fmt::format("SELECT ifnull(sum(length(data)), 0) FROM block WHERE source = {}", s))));
+    }
+    print_bytes("stamps_of_these", stamp_bytes(part));
+    for (const char* table : {"event", "rollup", "clock"}) {
+      print_bytes(table, static_cast<double>(part.integer(
+                             fmt::format("SELECT ifnull(sum(pgsize), 0) FROM dbstat WHERE name = '{}'", table))));
+    }
+  }
+  print(name, total / 1e6, "MB/robot-day", rounded ? 32 : kNoGoal, "lower");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::size_t kRows = 6000;
-  bench_status(argc > 1 ? jittered(argv[1], kRows) : simulated_status(kRows));
-  bench_registers(true);
-  bench_registers(false);
+  if (argc > 1) {
+    const std::vector<Answer> answers = answers_in(argv[1]);
+    if (answers.empty()) {
+      fmt::print(stderr, "block_bench: {}: no answers; give a file with one JSON answer per line\n", argv[1]);
+      return 1;
+    }
+    bench_status(answers);
+    return 0;
+  }
+  constexpr std::size_t kRows = 7200;
+  bench_status(simulated_status(kRows));
+  for (const bool rounded : {true, false}) {
+    bench_registers(rounded);
+  }
+  for (const bool rounded : {true, false}) {
+    bench_day(rounded);
+  }
 }

@@ -67,10 +67,24 @@ Json analysis(const std::string& command, const std::string& name) {
 
 TEST_CASE("every query of the README runs and finds something") {
   const std::vector<std::string> queries = readme_queries();
-  REQUIRE(queries.size() == 5);
+  REQUIRE(queries.size() == 6);
   for (const std::string& query : queries) {
     INFO(query);
     CHECK_FALSE(rows(readme_log(), query).empty());
+  }
+}
+
+TEST_CASE("README: what the rollups say of voltage and current is what the rows say") {
+  const Json days = rows(readme_log(), readme_queries()[5]);
+  REQUIRE(days.size() == 4);
+  for (const Json& day : days) {
+    const std::string field = day["field"].get<std::string>();
+    const Json all =
+        rows(readme_log(), "select min(" + field + ") as lowest, avg(" + field + ") as mean, max(" + field +
+                               ") as highest from status where robot = '" + day["robot"].get<std::string>() + "'");
+    CHECK(number(day["lowest"]) == number(all[0]["lowest"]));
+    CHECK(number(day["highest"]) == number(all[0]["highest"]));
+    CHECK(number(day["mean"]) == Approx(number(all[0]["mean"])).margin(6e-4));
   }
 }
 

@@ -29,4 +29,5 @@ TEST_CASE("every input of the fuzz corpus keeps the laws, whole and cut", "[fuzz
   CHECK(replay("frame", fuzz::frame) >= 5);
   CHECK(replay("status_json", fuzz::status_json) >= 5);
   CHECK(replay("registers", fuzz::registers) >= 5);
+  CHECK(replay("block", fuzz::block) >= 5);
 }

@@ -1,11 +1,14 @@
 #include "tests/fuzz/targets.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "schema/events.hpp"
+#include "schema/store/block/block_decoder.hpp"
+#include "schema/store/block/block_encoder.hpp"
 #include "schema/wire/frame.hpp"
 #include "schema/wire/registers.hpp"
 #include "schema/wire/status_json.hpp"
@@ -129,6 +132,69 @@ void registers(std::string_view bytes) {
   law(share >= 0.0 && share <= 1.0, "plausibility is a share");
   sample.meta.source = Source::registers;
   derive_events(sample);
+}
+
+namespace {
+
+std::vector<Answer> answers_in(std::string_view bytes, Source source) {
+  std::vector<Answer> answers;
+  constexpr std::size_t kMost = 300;
+  while (!bytes.empty() && answers.size() < kMost) {
+    const std::size_t end = std::min(bytes.find('\n'), bytes.size());
+    const auto row = static_cast<Micros>(answers.size());
+    Answer& answer = answers.emplace_back();
+    answer.meta = {1, source, 1, static_cast<std::uint64_t>(row * 2), row * 1'000'003, row * 1'000'003 + row % 7 * 500};
+    answer.body = bytes.substr(0, end);
+    answer.header = answer.body.substr(0, answer.body.size() % 5 == 0 ? 16 : 0);
+    bytes.remove_prefix(std::min(end + 1, bytes.size()));
+  }
+  return answers;
+}
+
+bool same_answer(const Answer& a, const Answer& b) {
+  return a.meta.seq == b.meta.seq && a.meta.t_send_us == b.meta.t_send_us && a.meta.t_recv_us == b.meta.t_recv_us &&
+         a.body == b.body && a.header == b.header;
+}
+
+/// Reads all that can be read; true when each of `answers` came back as it was.
+bool read_block(std::string_view block, const std::vector<Answer>& answers) {
+  store::BlockDecoder decoder;
+  if (!decoder.open(block).empty()) {
+    return false;
+  }
+  std::size_t good = 0;
+  const std::string damage = decoder.answers([&](std::size_t row, const Answer& answer) {
+    const bool same = row < answers.size() && same_answer(answers[row], answer);
+    law(answers.empty() || same, "an answer is never wrong");
+    good += same ? 1 : 0;
+  });
+  TextPool pool;
+  store::ColumnValues values;
+  for (const store::ColumnInfo& column : decoder.columns()) {
+    const std::string trouble = decoder.read(column.path, {true, true, true}, pool, values);
+    law(!trouble.empty() || values.kind.size() == decoder.head().rows, "a path has a value per row");
+  }
+  return damage.empty() && good == answers.size();
+}
+
+}  // namespace
+
+void block(std::string_view bytes) {
+  const unsigned choice = bytes.empty() ? 0 : static_cast<unsigned char>(bytes[0]);
+  const std::vector<Answer> answers =
+      answers_in(bytes.substr(bytes.empty() ? 0 : 1), static_cast<Source>(choice % kSourceCount));
+  store::BlockEncoder encoder({answers.size() + 1, 3, static_cast<WordOrder>(choice / kSourceCount % 4)});
+  for (const Answer& answer : answers) {
+    law(encoder.add(answer), "answers of one stream go into one block");
+  }
+  std::string block = encoder.finish();
+  law(block.empty() == answers.empty(), "answers make a block");
+  law(answers.empty() || read_block(block, answers), "what went in comes out");
+  for (std::size_t i = 0; i < bytes.size() && !block.empty(); i += 1 + bytes.size() / 8) {
+    block[(i * 131 + choice) % block.size()] = bytes[i];
+  }
+  read_block(block, answers);
+  read_block(bytes, {});
 }
 
 }  // namespace tacho::fuzz

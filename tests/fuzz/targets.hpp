@@ -12,5 +12,9 @@ void frame(std::string_view bytes);
 void status_json(std::string_view bytes);
 /// Register images: the first byte chooses the word order, the rest is the image.
 void registers(std::string_view bytes);
+/// Column blocks: the first byte chooses source and word order, lines are answers, which come back byte for byte, also
+/// as values; overwritten with the same bytes, or the bytes themselves taken for a block, it is refused or gives
+/// nothing wrong.
+void block(std::string_view bytes);
 
 }  // namespace tacho::fuzz

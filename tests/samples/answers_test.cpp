@@ -188,6 +188,7 @@ TEST_CASE("registers in every word order decode to the state") {
        {tacho::WordOrder::cdab, tacho::WordOrder::abcd, tacho::WordOrder::badc, tacho::WordOrder::dcba}) {
     Scenario s = exact(5);
     s.word_order = order;
+    s.registers_rounded = false;
     sim::Robot robot(s, kStart);
     sim::AnswerMaker answers(s);
     for (int i = 1; i < 60; ++i) {
@@ -208,6 +209,30 @@ TEST_CASE("registers in every word order decode to the state") {
       CHECK(sample.at(field("rfid")).integer == -1);
       CHECK(sample.at(field("block_reason")).has() == state.blocked);
     }
+  }
+}
+
+TEST_CASE("a float register holds the number that the status answer prints, but for the confidence") {
+  const Scenario s = sim::busy_day(5);
+  sim::Robot robot(s, kStart);
+  sim::AnswerMaker answers(s);
+  wire::JsonDecoder decoder;
+  for (int i = 1; i < 60; ++i) {
+    const RobotState& state = robot.at(kStart + i * 97 * kSecond);
+    tacho::Gates gates;
+    Sample image;
+    image.clear();
+    wire::decode_registers(register_image(answers.registers(state)), s.word_order, gates, FieldSet().set(), image);
+    Sample status;
+    decoder.decode(answers.status(state), FieldSet().set(), true, status);
+    for (const FieldIndex f : {field("x"), field("y"), field("angle"), field("vx"), field("w"), field("voltage"),
+                               field("current"), field("controller_temp"), field("odo")}) {
+      INFO(tacho::field_at(f).name);
+      CHECK(static_cast<float>(image.at(f).real) == static_cast<float>(status.at(f).real));
+    }
+    const double confidence = image.at(field("confidence")).real;
+    CHECK(status.at(field("confidence")).real == Approx(confidence).margin(5.1e-5));
+    CHECK(static_cast<float>(confidence) != static_cast<float>(status.at(field("confidence")).real));
   }
 }
 

@@ -18,9 +18,9 @@
 namespace tacho::store {
 
 struct BlockOptions {
-  /// Longer blocks are smaller (600 against 60: a third less) and cost more memory while they are made: the bodies, and
-  /// about as much again. At most kMaxBlockRows.
-  std::size_t rows = 600;
+  /// Longer blocks are smaller (600 against 60: a third less; 1800 against 600: 6 %), faster to scan, and cost more
+  /// memory while they are made: the bodies, and about as much again. At most kMaxBlockRows.
+  std::size_t rows = 1800;
   /// zstd level of the pieces; above 3 costs much time for little.
   int level = 3;
   /// How the robot's registers hold two-word values. Wrong only costs space; it is kept in the head.

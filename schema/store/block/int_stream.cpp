@@ -11,10 +11,13 @@ namespace tacho::store {
 
 namespace {
 
-enum Prediction : std::uint8_t { kNone, kPrevious, kLine, kPredictions };
+/// Stored: append only, and no more fit the mask.
+enum Prediction : std::uint8_t { kNone, kPrevious, kLine, kTrend };
+constexpr auto kPredictions = std::to_array<Prediction>({kNone, kPrevious, kLine, kTrend});
 constexpr std::uint8_t kSparse = 4;
 constexpr std::uint8_t kOneByOne = 8;
 constexpr std::uint8_t kPredictionMask = 3;
+constexpr unsigned kTrendFraction = 16;
 constexpr unsigned kPlanes = 8;
 constexpr unsigned kMaxLowBits = 56;  // with any start inside a byte they fit 64 bits
 
@@ -40,17 +43,51 @@ std::int64_t base_of(std::span<const std::int64_t> values) {
   return planes(static_cast<std::uint64_t>(subtract(*max, base))) > planes(range) ? *min : base;
 }
 
+Residuals less_base(std::span<const std::int64_t> values) {
+  Residuals left;
+  const std::int64_t base = base_of(values);
+  put_varint(left.seeds, zigzag(base));
+  for (const std::int64_t value : values) {
+    left.values.push_back(static_cast<std::uint64_t>(subtract(value, base)));
+  }
+  return left;
+}
+
+/// Where the straight line of a trend is at row `i`, above its start.
+std::int64_t trend_at(std::size_t i, std::uint64_t slope) {
+  return static_cast<std::int64_t>(i * slope) >> kTrendFraction;
+}
+
+/// Steps between first and last value, in 2^-kTrendFraction; 0 when there is no sensible line.
+std::uint64_t trend_of(std::span<const std::int64_t> values) {
+  const std::int64_t rise = subtract(values.back(), values.front());
+  constexpr std::int64_t kSteep = std::int64_t{1} << 46U;  // of a block; more would wrap
+  if (values.size() < 3 || rise > kSteep || rise < -kSteep) {
+    return 0;
+  }
+  return static_cast<std::uint64_t>((rise << kTrendFraction) / static_cast<std::int64_t>(values.size() - 1));
+}
+
+Residuals less_trend(std::span<const std::int64_t> values) {
+  const std::uint64_t slope = trend_of(values);
+  std::vector<std::int64_t> level(values.begin(), values.end());
+  for (std::size_t i = 0; i < level.size(); ++i) {
+    level[i] = subtract(level[i], trend_at(i, slope));
+  }
+  Residuals left = less_base(level);
+  put_varint(left.seeds, zigzag(static_cast<std::int64_t>(slope)));
+  return left;
+}
+
 Residuals predict(std::span<const std::int64_t> values, Prediction prediction) {
+  if (prediction == kNone) {
+    return less_base(values);
+  }
+  if (prediction == kTrend) {
+    return less_trend(values);
+  }
   Residuals left;
   left.values.resize(values.size());
-  if (prediction == kNone) {
-    const std::int64_t base = base_of(values);
-    put_varint(left.seeds, zigzag(base));
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      left.values[i] = static_cast<std::uint64_t>(subtract(values[i], base));
-    }
-    return left;
-  }
   put_varint(left.seeds, zigzag(values[0]));
   std::int64_t slope = 0;
   if (prediction == kLine) {
@@ -81,6 +118,23 @@ double ideal_bytes(std::string_view plane) {
   }
   // A table costs about four bits per symbol.
   return bits / 8 + static_cast<double>(symbols) / 2;
+}
+
+/// What coding the lengths of the values would take, and their bits as they are.
+double likely_bits(std::span<const std::uint64_t> values) {
+  std::array<std::uint32_t, 65> lengths{};
+  for (const std::uint64_t value : values) {
+    ++lengths[static_cast<std::size_t>(std::bit_width(value))];
+  }
+  double bits = 0;
+  for (std::size_t length = 0; length < lengths.size(); ++length) {
+    if (lengths[length] > 0) {
+      const double count = lengths[length];
+      bits += count * (static_cast<double>(length > 0 ? length - 1 : 0) -
+                       std::log2(count / static_cast<double>(values.size())));
+    }
+  }
+  return bits;
 }
 
 /// Low bits that look like noise: about as often set as not.
@@ -273,6 +327,19 @@ void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, s
   }
 }
 
+void undo_base(std::uint64_t base, std::vector<std::int64_t>& values) {
+  for (std::int64_t& value : values) {
+    value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) + base);
+  }
+}
+
+void undo_trend(std::uint64_t base, std::uint64_t slope, std::vector<std::int64_t>& values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = static_cast<std::int64_t>(static_cast<std::uint64_t>(values[i]) + base +
+                                          static_cast<std::uint64_t>(trend_at(i, slope)));
+  }
+}
+
 void undo_previous(std::uint64_t seed, std::vector<std::int64_t>& values) {
   for (std::int64_t& value : values) {
     seed += static_cast<std::uint64_t>(unzigzag(static_cast<std::uint64_t>(value)));
@@ -295,10 +362,22 @@ void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::stri
   if (values.empty()) {
     return;
   }
+  std::array<Residuals, kPredictions.size()> residuals;
+  std::array<double, kPredictions.size()> bits{};
+  for (const Prediction prediction : kPredictions) {
+    residuals[prediction] = predict(values, prediction);
+    bits[prediction] = likely_bits(residuals[prediction].values);
+  }
+  const double least = *std::min_element(bits.begin(), bits.end());
   Smallest smallest;
-  for (std::uint8_t p = kNone; p < kPredictions; ++p) {
-    const auto prediction = static_cast<Prediction>(p);
-    const Residuals left = predict(values, prediction);
+  for (const Prediction prediction : kPredictions) {
+    // Compressing is what costs time.
+    constexpr double kHopeless = 1.3;
+    constexpr double kFewBits = 256;
+    if (bits[prediction] > least * kHopeless + kFewBits) {
+      continue;
+    }
+    const Residuals& left = residuals[prediction];
     const Planes whole = cut(left.values, 0);
     offer_planes(prediction, whole, left.seeds, packer, smallest);
     if (whole.count == 0) {
@@ -370,21 +449,25 @@ bool IntReader::take(ByteReader& in, std::size_t count, std::vector<std::int64_t
   header.flags = in.byte();
   header.planes = header.flags >> 4U;
   header.low = in.byte();
-  const int prediction = header.flags & kPredictionMask;
+  const auto prediction = static_cast<Prediction>(header.flags & kPredictionMask);
   const auto seed = static_cast<std::uint64_t>(in.signed_varint());
-  const auto slope = static_cast<std::uint64_t>(prediction == kLine ? in.signed_varint() : 0);
-  if (!in.good() || header.planes > kPlanes || header.low > kMaxLowBits || prediction == kPredictions ||
-      !take_residuals(in, header, values)) {
+  const auto slope = static_cast<std::uint64_t>(prediction >= kLine ? in.signed_varint() : 0);
+  if (!in.good() || header.planes > kPlanes || header.low > kMaxLowBits || !take_residuals(in, header, values)) {
     return false;
   }
-  if (prediction == kNone) {
-    for (std::int64_t& value : values) {
-      value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) + seed);
-    }
-  } else if (prediction == kPrevious) {
-    undo_previous(seed, values);
-  } else {
-    undo_line(seed, slope, values);
+  switch (prediction) {
+    case kNone:
+      undo_base(seed, values);
+      break;
+    case kPrevious:
+      undo_previous(seed, values);
+      break;
+    case kLine:
+      undo_line(seed, slope, values);
+      break;
+    case kTrend:
+      undo_trend(seed, slope, values);
+      break;
   }
   return true;
 }

@@ -1,14 +1,17 @@
 #pragma once
-// A column of 64-bit patterns as few bytes. The writer tries every combination and keeps the smallest:
-//   1. prediction: none (less the smallest), the value before, or the line through the two before; the differences are
-//      zigzagged. All arithmetic wraps, so the bit patterns of floating point numbers go the same way.
+// A column of 64-bit patterns as few bytes. The writer tries every combination that promises something and keeps the
+// smallest:
+//   1. prediction: none (less the smallest), the value before, the line through the two before (those differences are
+//      zigzagged), or one straight line through all (stamps of a schedule). All arithmetic wraps, so the bit patterns
+//      of floating point numbers go the same way.
 //   2. where many differences are zero: a bitmap of the others, and only those
 //   3. low bits that are noise are packed as they are, so that they neither spoil the statistics of the bits above nor
 //      cost time to unpack; the bits above them are cut into byte planes (all lowest bytes, then all second ones, ...)
 //      that go through zstd, together or one by one.
 //
 // Layout: flags (prediction, bit 2 sparse, bit 3 one by one, planes << 4), low bits per value, one or two signed
-// varints (base; first value; first value and first difference), [bitmap piece], low bits, pieces of the planes.
+// varints (base; first value; first value and first difference; base and slope in 2^-16), [bitmap piece], low bits,
+// pieces of the planes.
 
 #include <cstdint>
 #include <span>

@@ -14,7 +14,7 @@ namespace tacho::store::sql {
 
 namespace {
 
-using Value = std::variant<std::monostate, std::int64_t, std::string>;
+using Value = std::variant<std::monostate, std::int64_t, double, std::string>;
 using Row = std::vector<Value>;
 
 struct RecordColumn {
@@ -26,8 +26,9 @@ struct RecordColumn {
 struct RecordSpec {
   std::string_view name;
   std::vector<RecordColumn> columns;
-  std::vector<Row> (*rows)(RowSource& log, const Robot* robot);
+  std::vector<Row> (*rows)(RowSource& log, const Robot* robot, std::size_t portion);
   bool per_robot = false;
+  std::size_t (*portions)(const RowSource& log) = [](const RowSource&) { return std::size_t{1}; };
 };
 
 template <class Number>
@@ -49,7 +50,7 @@ std::optional<Micros> when(bool known, Micros t) { return known ? std::optional(
 
 Value text(std::string_view t) { return std::string(t); }
 
-std::vector<Row> robot_rows(RowSource& log, const Robot*) {
+std::vector<Row> robot_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const Robot& r : log.robots()) {
     rows.push_back({number(r.id), r.name, r.address, r.vehicle_id, r.mac, r.model_md5, r.firmware});
@@ -57,7 +58,7 @@ std::vector<Row> robot_rows(RowSource& log, const Robot*) {
   return rows;
 }
 
-std::vector<Row> session_rows(RowSource& log, const Robot*) {
+std::vector<Row> session_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const Session& s : log.sessions()) {
     rows.push_back({number(s.id), s.t_start_us, number(when(s.t_end_us != 0, s.t_end_us)), number(s.clean), s.software,
@@ -66,7 +67,7 @@ std::vector<Row> session_rows(RowSource& log, const Robot*) {
   return rows;
 }
 
-std::vector<Row> stream_rows(RowSource& log, const Robot*) {
+std::vector<Row> stream_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const Stream& s : log.streams()) {
     rows.push_back({number(s.session), number(s.robot), text(source_name(s.source)), s.period_us,
@@ -75,7 +76,7 @@ std::vector<Row> stream_rows(RowSource& log, const Robot*) {
   return rows;
 }
 
-std::vector<Row> coverage_rows(RowSource& log, const Robot*) {
+std::vector<Row> coverage_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const Coverage& c : log.coverage()) {
     const bool any = c.stored > 0;
@@ -86,7 +87,7 @@ std::vector<Row> coverage_rows(RowSource& log, const Robot*) {
   return rows;
 }
 
-std::vector<Row> unknown_key_rows(RowSource& log, const Robot*) {
+std::vector<Row> unknown_key_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const UnknownKey& k : log.unknown_keys()) {
     rows.push_back({number(k.robot), text(source_name(k.source)), k.key, k.first_us});
@@ -94,7 +95,7 @@ std::vector<Row> unknown_key_rows(RowSource& log, const Robot*) {
   return rows;
 }
 
-std::vector<Row> problem_rows(RowSource& log, const Robot*) {
+std::vector<Row> problem_rows(RowSource& log, const Robot*, std::size_t) {
   std::vector<Row> rows;
   for (const ReadProblem& p : log.problems()) {
     rows.push_back({p.where, p.what});
@@ -108,7 +109,7 @@ void each_slice(RowSource& log, const Robot& robot, Use use) {
   log.read(robot.id, Window{}, Selection{}, use);
 }
 
-std::vector<Row> gap_rows(RowSource& log, const Robot* robot) {
+std::vector<Row> gap_rows(RowSource& log, const Robot* robot, std::size_t) {
   std::vector<Row> rows;
   each_slice(log, *robot, [&](const Slice& slice) {
     for (const Gap& g : slice.gaps) {
@@ -120,7 +121,7 @@ std::vector<Row> gap_rows(RowSource& log, const Robot* robot) {
   return rows;
 }
 
-std::vector<Row> event_rows(RowSource& log, const Robot* robot) {
+std::vector<Row> event_rows(RowSource& log, const Robot* robot, std::size_t) {
   std::vector<Row> rows;
   each_slice(log, *robot, [&](const Slice& slice) {
     for (const Event& e : slice.events) {
@@ -131,8 +132,17 @@ std::vector<Row> event_rows(RowSource& log, const Robot* robot) {
   return rows;
 }
 
+std::vector<Row> rollup_rows(RowSource& log, const Robot* robot, std::size_t portion) {
+  std::vector<Row> rows;
+  for (const Rollup& r : log.rollups(robot->id, portion)) {
+    rows.push_back({number(r.robot), text(source_name(r.source)), r.minute, text(field_at(r.field).name),
+                    number(r.rows), r.min, r.max, r.sum, r.last});
+  }
+  return rows;
+}
+
 /// Points of no robot (host clocks only) come with every robot; they are given with the first.
-std::vector<Row> clock_rows(RowSource& log, const Robot* robot) {
+std::vector<Row> clock_rows(RowSource& log, const Robot* robot, std::size_t) {
   const std::vector<Robot> robots = log.robots();
   const bool first = !robots.empty() && robots.front().id == robot->id;
   std::vector<Row> rows;
@@ -147,8 +157,8 @@ std::vector<Row> clock_rows(RowSource& log, const Robot* robot) {
 }
 
 // clang-format off
-const std::array<RecordSpec, 9>& specs() {
-  static const std::array<RecordSpec, 9> kSpecs{{
+const std::array<RecordSpec, 10>& specs() {
+  static const std::array<RecordSpec, 10> kSpecs{{
       {"robot", {{"id", "INTEGER"}, {"name", "TEXT"}, {"address", "TEXT"}, {"vehicle_id", "TEXT"}, {"mac", "TEXT"},
                  {"model_md5", "TEXT"}, {"firmware", "TEXT"}}, robot_rows},
       {"session", {{"id", "INTEGER"}, {"t_start_us", "INTEGER"}, {"t_end_us", "INTEGER"}, {"clean", "INTEGER"},
@@ -169,6 +179,9 @@ const std::array<RecordSpec, 9>& specs() {
                  {"new_value", "TEXT"}, {"detail", "TEXT"}}, event_rows, true},
       {"clock", {{"robot", "INTEGER"}, {"session", "INTEGER"}, {"wall_us", "INTEGER"}, {"mono_us", "INTEGER"},
                  {"robot_us", "INTEGER"}}, clock_rows, true},
+      {"rollup", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"minute", "INTEGER"}, {"field", "TEXT"}, {"rows", "INTEGER"},
+                  {"min", "REAL"}, {"max", "REAL"}, {"sum", "REAL"}, {"last", "REAL"}}, rollup_rows, true,
+       [](const RowSource& log) { return log.rollup_portions(); }},
   }};
   return kSpecs;
 }
@@ -226,6 +239,8 @@ class RecordCursor final : public TableCursor {
   void start(std::string_view plan, std::span<sqlite3_value* const> values) override {
     RowSource& log = table_->log().get();
     next_robot_ = 0;
+    next_portion_ = portions_ = table_->spec().portions(log);
+    before_ = 0;
     robots_.clear();
     if (table_->spec().per_robot) {
       robots_ = log.robots();
@@ -240,7 +255,7 @@ class RecordCursor final : public TableCursor {
     at_ = 0;
     rows_.clear();
     if (!table_->spec().per_robot) {
-      rows_ = table_->spec().rows(log, nullptr);
+      rows_ = table_->spec().rows(log, nullptr, 0);
     }
     skip_empty();
   }
@@ -253,12 +268,14 @@ class RecordCursor final : public TableCursor {
   [[nodiscard]] std::int64_t row_id() const override {
     constexpr unsigned kRowBits = 40;
     const RobotId robot = next_robot_ > 0 ? robots_[next_robot_ - 1].id : 0;
-    return static_cast<std::int64_t>(std::uint64_t{robot} << kRowBits | at_);
+    return static_cast<std::int64_t>(std::uint64_t{robot} << kRowBits | (before_ + at_));
   }
   void column(sqlite3_context* out, int column) override {
     const Value& value = rows_[at_][static_cast<std::size_t>(column)];
     if (const auto* n = std::get_if<std::int64_t>(&value)) {
       give(out, *n);
+    } else if (const auto* r = std::get_if<double>(&value)) {
+      give(out, *r);
     } else if (const auto* t = std::get_if<std::string>(&value)) {
       give(out, *t);
     }
@@ -269,12 +286,24 @@ class RecordCursor final : public TableCursor {
   std::shared_ptr<void> in_use_;
   std::vector<Robot> robots_;
   std::size_t next_robot_ = 0;
+  std::size_t next_portion_ = 0;  // of the robot before next_robot_
+  std::size_t portions_ = 0;
+  std::size_t before_ = 0;  // rows of earlier portions of that robot
   std::vector<Row> rows_;
   std::size_t at_ = 0;
 
   void skip_empty() {
-    while (at_ >= rows_.size() && next_robot_ < robots_.size()) {
-      rows_ = table_->spec().rows(table_->log().get(), &robots_[next_robot_++]);
+    while (at_ >= rows_.size() && (next_portion_ < portions_ || next_robot_ < robots_.size())) {
+      before_ += rows_.size();
+      if (next_portion_ >= portions_) {
+        ++next_robot_;
+        next_portion_ = 0;
+        before_ = 0;
+      }
+      rows_.clear();
+      if (next_portion_ < portions_) {
+        rows_ = table_->spec().rows(table_->log().get(), &robots_[next_robot_ - 1], next_portion_++);
+      }
       at_ = 0;
     }
   }

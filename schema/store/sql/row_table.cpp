@@ -318,7 +318,7 @@ void RowCursor::field(sqlite3_context* out, FieldIndex f) {
   const Field& field = field_at(f);
   switch (field.kind) {
     case Kind::real:
-      return sqlite3_result_double(out, column->real[row]);
+      return give(out, column->real[row]);
     case Kind::integer:
     case Kind::flag:
     case Kind::code:

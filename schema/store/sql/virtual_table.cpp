@@ -159,5 +159,6 @@ void give(sqlite3_context* out, std::string_view text) {
 }
 
 void give(sqlite3_context* out, std::int64_t number) { sqlite3_result_int64(out, number); }
+void give(sqlite3_context* out, double number) { sqlite3_result_double(out, number); }
 
 }  // namespace tacho::store::sql

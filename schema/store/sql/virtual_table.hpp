@@ -49,5 +49,6 @@ int add_module(sqlite3* connection, const std::string& name, MakeTable make);
 /// A value for the current row; empty text is text.
 void give(sqlite3_context* out, std::string_view text);
 void give(sqlite3_context* out, std::int64_t number);
+void give(sqlite3_context* out, double number);
 
 }  // namespace tacho::store::sql
