@@ -39,8 +39,8 @@ const BlockList& PartReader::blocks() {
 bool PartReader::has_answers(const PartHead& head, const AnswerQuery& query) {
   return !head.damage.empty() || std::any_of(head.counts.begin(), head.counts.end(), [&](const auto& entry) {
     const auto& [key, count] = entry;
-    return query.asks_for(key.robot, key.source) && count.stored > 0 && count.last_us >= query.window.from_us &&
-           count.first_us < query.window.to_us;
+    return query.asks_for(key.session, key.robot, key.source) && count.stored > 0 &&
+           count.last_us >= query.window.from_us && count.first_us < query.window.to_us;
   });
 }
 
