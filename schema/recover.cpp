@@ -314,9 +314,8 @@ class Salvage {
   void replace(const std::set<fs::path>& damaged) {
     log_.reset();
     std::vector<fs::path> whole;
-    std::copy_if(files_.begin(), files_.end(), std::back_inserter(whole), [&](const fs::path& file) {
-      return damaged.count(file) == 0 && replacements_.count(file) == 0;
-    });
+    std::copy_if(files_.begin(), files_.end(), std::back_inserter(whole),
+                 [&](const fs::path& file) { return damaged.count(file) == 0 && replacements_.count(file) == 0; });
     for (fs::path& file : files_) {
       if (damaged.count(file) == 0) {
         continue;

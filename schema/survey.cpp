@@ -133,11 +133,11 @@ class Surveyor {
       const store::StreamKey key{gap.session, gap.robot, gap.source};
       out_.streams[key].missed += gap.seq_count;
       lanes_[key].spans.push_back({gap.seq_from, gap.seq_from + gap.seq_count, gap.t_from_us, gap.t_to_us});
-      // Where the disk failed the machine knew more than the log, as before damage; a gap of the inputs empties the gates at a moment
-      // that is not on record.
+      // Where the disk failed the machine knew more than the log, as before damage; a gap of the inputs empties the
+      // gates at a moment that is not on record.
       SessionCheck& session = sessions_[gap.session];
-      session.exact = session.exact && gap.cause != Cause::disk && gap.cause != Cause::damaged &&
-                      gap.source != Source::inputs;
+      session.exact =
+          session.exact && gap.cause != Cause::disk && gap.cause != Cause::damaged && gap.source != Source::inputs;
     }
     for (const Event& event : records.events) {
       add(out_.events, row_hash(event));

@@ -1,5 +1,6 @@
 #pragma once
-// Records of an SQLite file found in its pages, without its header, schema, b-trees or free list: what salvage works on.
+// Records of an SQLite file found in its pages, without its header, schema, b-trees or free list: what salvage works
+// on.
 //
 // File format: https://www.sqlite.org/fileformat2.html. A record is taken where its lengths fit each other exactly;
 // whether it is what was written is for the caller to know (checksums). Records that SQLite has deleted or moved can
@@ -26,9 +27,9 @@ struct RawValue {
 };
 
 struct RawRecord {
-  bool table = true;        ///< of a table with rowid; false: of an index or a table without
-  bool live = false;        ///< its page is sound and lists it; else it only lies there
-  std::int64_t rowid = 0;   ///< of a table
+  bool table = true;         ///< of a table with rowid; false: of an index or a table without
+  bool live = false;         ///< its page is sound and lists it; else it only lies there
+  std::int64_t rowid = 0;    ///< of a table
   std::string_view payload;  ///< equal for equal values
   std::vector<RawValue> values;
 };

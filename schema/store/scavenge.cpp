@@ -33,8 +33,8 @@ constexpr const char* kUnknown = "unknown: this row of the log was damaged";
 std::optional<std::uint32_t> number_in_name(const fs::path& path) {
   const std::string name = path.filename().string();
   std::uint32_t number = 0;
-  const auto [end, error] = std::from_chars(name.data() + std::min<std::size_t>(5, name.size()),
-                                            name.data() + name.size(), number);
+  const auto [end, error] =
+      std::from_chars(name.data() + std::min<std::size_t>(5, name.size()), name.data() + name.size(), number);
   const bool good = error == std::errc() && name.rfind("part-", 0) == 0 && std::string_view(end) == ".db";
   return good ? std::optional(number) : std::nullopt;
 }
@@ -480,15 +480,18 @@ void Rebuild::trace() {
     return row.integer(2) >= 0 && row.integer(2) < static_cast<std::int64_t>(kSourceCount);
   };
   const auto by_name = [](const Statement& row, Source& source) { return parse_source(row.bytes(2), source); };
-  polls("SELECT session, robot, source, min(seq_from), max(seq_to), min(t_from_us), max(t_to_us), sum(rows), 0 "
-        "FROM block GROUP BY 1, 2, 3",
-        true, by_number);
-  polls("SELECT session, robot, source, min(seq), max(seq), min(t_send_us), max(t_send_us), count(*), sum(length) "
-        "FROM hot GROUP BY 1, 2, 3",
-        true, by_number);
-  polls("SELECT session, robot, source, min(seq_from), max(seq_from + seq_count - 1), min(t_from_us), max(t_to_us) "
-        "FROM gap WHERE partial = 0 AND seq_count > 0 GROUP BY 1, 2, 3",
-        false, by_name);
+  polls(
+      "SELECT session, robot, source, min(seq_from), max(seq_to), min(t_from_us), max(t_to_us), sum(rows), 0 "
+      "FROM block GROUP BY 1, 2, 3",
+      true, by_number);
+  polls(
+      "SELECT session, robot, source, min(seq), max(seq), min(t_send_us), max(t_send_us), count(*), sum(length) "
+      "FROM hot GROUP BY 1, 2, 3",
+      true, by_number);
+  polls(
+      "SELECT session, robot, source, min(seq_from), max(seq_from + seq_count - 1), min(t_from_us), max(t_to_us) "
+      "FROM gap WHERE partial = 0 AND seq_count > 0 GROUP BY 1, 2, 3",
+      false, by_name);
   for (const char* sql : {"SELECT session, robot, min(t_us) FROM event GROUP BY 1, 2",
                           "SELECT session, robot, min(wall_us) FROM clock GROUP BY 1, 2",
                           "SELECT session, robot, min(t_to_us) FROM gap GROUP BY 1, 2"}) {

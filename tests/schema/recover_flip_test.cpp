@@ -215,8 +215,8 @@ void record(Workload& work, int polls) {
       if (!misses(source, seq)) {
         Gates gates;
         const std::string body = answer_body(work.session(), source, seq);
-        decoder.decode(answer_of(work.session(), 1, source, seq, work.time(), body), WordOrder::cdab,
-                       FieldSet().set(), true, gates, sample);
+        decoder.decode(answer_of(work.session(), 1, source, seq, work.time(), body), WordOrder::cdab, FieldSet().set(),
+                       true, gates, sample);
         work.writer().note(sample);
       }
     }
@@ -248,7 +248,8 @@ TEST_CASE("whichever byte of a closed part flips, recover gives back all but one
   sweep(dir / "log", {kPolls});
 }
 
-TEST_CASE("whichever byte of a part that a kill left flips, recover loses no more than one row and what is based on it") {
+TEST_CASE(
+    "whichever byte of a part that a kill left flips, recover loses no more than one row and what is based on it") {
   TempDir dir(memory_folder());
   Ledger ledger;
   store::WriterOptions options = workload_options();
