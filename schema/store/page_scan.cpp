@@ -8,7 +8,6 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
-#include <limits>
 
 #include "schema/error.hpp"
 #include "schema/store/hot_codec.hpp"
@@ -28,7 +27,7 @@ constexpr std::size_t kLeafHeader = 8;
 constexpr std::size_t kLinkBytes = 4;
 /// A body is the longest value by far; longer lengths are not lengths.
 constexpr std::uint64_t kMostPayload = kMaxBodyBytes + (std::size_t{1} << 20U);
-/// Longest chain that is tried with one pointer corrected: 1 MiB of pages of 4096.
+/// More ways to read a damaged chain are not tried: each costs decoding a block.
 constexpr std::size_t kMostWays = 256;
 
 unsigned byte_at(std::string_view bytes, std::size_t at) { return static_cast<unsigned char>(bytes[at]); }
@@ -258,7 +257,7 @@ bool PageScan::cell_at(std::size_t offset, bool table) {
   if (!spilled) {
     record_.payload = spill_.local;
   } else {
-    gather(std::numeric_limits<std::size_t>::max(), payload_);
+    gather(std::nullopt, payload_);
     record_.payload = payload_;
   }
   record_.table = table;
@@ -275,33 +274,94 @@ bool PageScan::cell_at(std::size_t offset, bool table) {
   return true;
 }
 
-/// Puts a payload together from its overflow pages. Pointer number `wrong_link` is not believed: the page after the one
-/// it stands in is read instead, as it is where a pointer leads out of the file. What cannot be had is zero. False when
-/// the chain does not have that link.
-bool PageScan::gather(std::size_t wrong_link, std::string& out) {
+/// Puts a payload together from its overflow pages. What cannot be had is zero.
+void PageScan::gather(std::optional<Mend> mend, std::string& out) {
   out.assign(spill_.local);
-  std::uint32_t before = page_number_;
   std::uint32_t next = spill_.first;
-  std::size_t link = 0;
-  for (; out.size() < spill_.total; ++link) {
-    const bool lost = link == wrong_link || next < 2 || next > pages();
-    next = lost ? before + 1 : next;
-    if (next > pages() || !read(std::uint64_t{next - 1} * page_bytes_, page_bytes_, overflow_)) {
-      ++unreadable_;
+  for (std::size_t link = 0; out.size() < spill_.total; ++link) {
+    next = mend && mend->link == link ? mend->page : next;
+    if (next < 2 || next > pages() || !read(std::uint64_t{next - 1} * page_bytes_, page_bytes_, overflow_)) {
       out.resize(spill_.total);
-      break;
+      return;
     }
-    before = next;
     next = static_cast<std::uint32_t>(big_endian(overflow_, 0, kLinkBytes));
     out.append(overflow_, kLinkBytes, std::min<std::size_t>(page_bytes_ - kLinkBytes, spill_.total - out.size()));
   }
-  return wrong_link < link;
+}
+
+/// The page that this one leads to, if it is an overflow page.
+std::uint32_t PageScan::link_of(std::uint32_t page) {
+  read(std::uint64_t{page - 1} * page_bytes_, kLinkBytes, overflow_);
+  return static_cast<std::uint32_t>(big_endian(overflow_, 0, kLinkBytes));
+}
+
+/// Pages of the chain that begins here and ends properly; 0 when it does not, or is longer than `most`.
+std::size_t PageScan::chain_length(std::uint32_t page, std::size_t most) {
+  for (std::size_t length = 1; length <= most && page >= 2 && page <= pages(); ++length) {
+    page = link_of(page);
+    if (page == 0) {
+      return length;
+    }
+  }
+  return 0;
+}
+
+void PageScan::find_loose_ends() {
+  std::vector<bool> led_to(pages() + 1);
+  const auto mark = [&](std::uint64_t page) {
+    if (page <= pages()) {
+      led_to[static_cast<std::size_t>(page)] = true;
+    }
+  };
+  std::string page;
+  for (std::uint32_t number = 1; number <= pages(); ++number) {
+    mark(link_of(number));
+    read(std::uint64_t{number - 1} * page_bytes_, page_bytes_, page);
+    const std::size_t header = number == 1 ? kFileHeader : 0;
+    const bool table = byte_at(page, header) == kTableLeaf;
+    for (std::size_t at : cells_of(page, header)) {
+      std::uint64_t total = 0;
+      std::uint64_t rowid = 0;
+      const bool sound = take_varint(page, at, total) && (!table || take_varint(page, at, rowid));
+      const std::size_t local = sound ? local_bytes(total, page.size(), table) : 0;
+      if (sound && local < total && at + local + kLinkBytes <= page.size()) {
+        mark(big_endian(page, at + local, kLinkBytes));
+      }
+    }
+  }
+  loose_ends_.emplace();
+  for (std::uint32_t number = 2; number <= pages(); ++number) {
+    if (!led_to[number]) {
+      loose_ends_->push_back(number);
+    }
+  }
+}
+
+void PageScan::find_ways() {
+  ways_.clear();
+  if (!loose_ends_) {
+    find_loose_ends();
+  }
+  const std::size_t bytes = page_bytes_ - kLinkBytes;
+  const std::size_t links = (spill_.total - spill_.local.size() + bytes - 1) / bytes;
+  for (const std::uint32_t page : *loose_ends_) {
+    const std::size_t length = chain_length(page, links);
+    if (length > 0 && ways_.size() < kMostWays) {
+      ways_.push_back({links - length, page});
+    }
+  }
 }
 
 std::optional<std::string> PageScan::other_payload(std::size_t way) {
+  if (way == 0) {
+    find_ways();
+  }
+  if (way >= ways_.size()) {
+    return std::nullopt;
+  }
   std::string out;
-  const bool possible = spill_.local.size() < spill_.total && way < kMostWays && gather(way, out);
-  return possible ? std::optional(std::move(out)) : std::nullopt;
+  gather(ways_[way], out);
+  return out;
 }
 
 }  // namespace tacho::store

@@ -6,7 +6,7 @@
 // whether it is what was written is for the caller to know (checksums). Records that SQLite has deleted or moved can
 // come out too, and the same record more than once.
 //
-// Memory: two pages, and the payload of one record. Thread rule: one thread per object.
+// Memory: two pages, the payload of one record, and a bit per page. Thread rule: one thread per object.
 
 #include <cstdint>
 #include <filesystem>
@@ -48,8 +48,8 @@ class PageScan {
   void records(const Yield& yield);
 
   /// Inside a call of Yield: other ways to read a record whose overflow pages do not follow each other as they should.
-  /// One pointer of the chain is taken for damaged and the page beside it read instead. Empty: there is no such way
-  /// number `way`, counted from 0.
+  /// One pointer of the chain is taken for damaged; in its place the chain goes on with a page that nothing leads to
+  /// and from which it is as long as it must be. Empty: there is no way number `way`, counted from 0.
   std::optional<std::string> other_payload(std::size_t way);
 
   [[nodiscard]] std::uint32_t page_bytes() const { return page_bytes_; }
@@ -74,6 +74,13 @@ class PageScan {
     std::uint32_t first = 0;  ///< overflow page
   };
   Spill spill_;
+  /// Pointer number `link` of a chain leads to `page`.
+  struct Mend {
+    std::size_t link = 0;
+    std::uint32_t page = 0;
+  };
+  std::vector<Mend> ways_;                                ///< of the record that is read now
+  std::optional<std::vector<std::uint32_t>> loose_ends_;  ///< pages that nothing leads to; found when first needed
 
   [[nodiscard]] std::uint32_t pages() const;
   bool read(std::uint64_t offset, std::size_t bytes, std::string& out);
@@ -81,7 +88,11 @@ class PageScan {
   void scan_listed(const Yield& yield);
   void scan_bytes(const Yield& yield);
   bool cell_at(std::size_t offset, bool table);
-  bool gather(std::size_t wrong_link, std::string& out);
+  void gather(std::optional<Mend> mend, std::string& out);
+  std::uint32_t link_of(std::uint32_t page);
+  [[nodiscard]] std::size_t chain_length(std::uint32_t page, std::size_t most);
+  void find_loose_ends();
+  void find_ways();
 };
 
 }  // namespace tacho::store

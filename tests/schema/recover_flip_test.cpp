@@ -4,12 +4,14 @@
 
 #include <fmt/format.h>
 
+#include <fstream>
 #include <set>
 
 #include "schema/log.hpp"
 #include "schema/recover.hpp"
 #include "tests/schema/flip_sweep.hpp"
 #include "tests/schema/store_workload.hpp"
+#include "tests/support/golden.hpp"
 
 using namespace tacho;
 using namespace tacho::test;
@@ -225,7 +227,9 @@ void record(Workload& work, int polls) {
     point.wall_us = work.time();
     point.mono_us = work.time() - kT0;
     work.writer().add(point);
-    work.commit();
+    if (i % 20 == 19) {
+      work.commit();
+    }
   }
 }
 
@@ -264,4 +268,86 @@ TEST_CASE(
   // So that there is something to damage in the file itself.
   store::Connection(dir / "log" / "part-000001.db", store::OpenMode::write).checkpoint_truncate();
   sweep(dir / "log", {static_cast<std::size_t>(options.keyframe_every) + 1, true});
+}
+
+namespace {
+
+std::uint32_t link_of(const std::string& file, std::size_t page) {
+  std::uint32_t link = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    link = link << 8U | static_cast<unsigned char>(file[(page - 1) * kPageBytes + i]);
+  }
+  return link;
+}
+
+void write_over(const fs::path& file, std::uint64_t offset, const std::string& bytes) {
+  std::fstream out(file, std::ios::in | std::ios::out | std::ios::binary);
+  out.seekp(static_cast<std::streamoff>(offset));
+  out << bytes;
+}
+
+void check_nothing_is_lost(const Contents& whole, const fs::path& log, const fs::path& target) {
+  const std::vector<fs::path> logs{log};
+  const Recovery said = recover(logs, target);
+  CHECK_FALSE(said.problems.empty());
+  CHECK(said.lost == 0);
+  CHECK(fault_of(whole, target, said, {0}) == "");
+  CHECK_FALSE(fs::exists(target / ".scavenged"));
+}
+
+}  // namespace
+
+TEST_CASE("a block whose pages no longer lead to each other is put together again") {
+  TempDir dir(memory_folder());
+  Ledger ledger;
+  store::WriterOptions options = workload_options();
+  options.part_bytes = 1 << 20;
+  {
+    Workload work(dir / "log", ledger, options);
+    work.begin(kT0, 1000);  // rows that come so fast make one large block
+    record(work, 3000);
+    work.end();
+  }
+  const fs::path part = dir / "log" / "part-000001.db";
+  const Contents whole = contents_of(dir / "log");
+  const std::string bytes = read_file(part);
+  const std::size_t pages = bytes.size() / kPageBytes;
+  std::size_t page = 2;
+  while (page < pages && (link_of(bytes, page) < 2 || link_of(bytes, page) > pages)) {
+    ++page;
+  }
+  REQUIRE(page < pages);
+  int target = 0;
+  for (const std::string& wrong : {std::string("\xFF\xFF\xFF\xFF"), std::string("\0\0\0\3", 4)}) {
+    write_over(part, (page - 1) * kPageBytes, wrong);
+    INFO("page " << page << " leads to " << int{static_cast<unsigned char>(wrong[3])});
+    CHECK(verify_names(dir / "log"));
+    check_nothing_is_lost(whole, dir / "log", dir / ("new" + std::to_string(++target)));
+  }
+}
+
+TEST_CASE("a part that a kill left gives back its WAL also when the header of the file is gone") {
+  TempDir dir(memory_folder());
+  Ledger ledger;
+  {
+    store::WriterOptions options = workload_options();
+    options.part_bytes = 1 << 20;
+    Workload work(dir / "live", ledger, options);
+    work.begin(kT0);
+    record(work, 80);  // too few for a checkpoint
+    copy_as_killed(dir / "live", dir / "log");
+  }
+  const fs::path part = dir / "log" / "part-000001.db";
+  REQUIRE(fs::file_size(part.string() + "-wal") > 0);
+  const Contents whole = contents_of(dir / "log");
+  REQUIRE(whole.answers.size() + whole.missed.size() == 160);
+  fs::remove(part.string() + "-shm");
+  write_over(part, 0, std::string(100, '\0'));
+  // With the first page in the WAL too, SQLite would not notice.
+  const std::string before = read_file(part);
+  const std::vector<fs::path> logs{dir / "log"};
+  const Recovery said = recover(logs, dir / "new");
+  CHECK(said.lost == 0);
+  CHECK(fault_of(whole, dir / "new", said, {0}) == "");
+  CHECK(read_file(part) == before);
 }
