@@ -77,9 +77,11 @@ template <class Chosen>
 int blank_pages(const fs::path& part, Chosen chosen) {
   std::string bytes = read_file(part);
   int blanked = 0;
-  for (std::size_t at = 0; at < bytes.size(); at += 4096) {
-    if (chosen(at / 4096 + 1, static_cast<unsigned char>(bytes[at == 0 ? 100 : at]))) {
-      std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), 4096, '\0');
+  const std::size_t page =
+      static_cast<std::size_t>(static_cast<unsigned char>(bytes[16])) << 8U | static_cast<unsigned char>(bytes[17]);
+  for (std::size_t at = 0; at < bytes.size(); at += page) {
+    if (chosen(at / page + 1, static_cast<unsigned char>(bytes[at == 0 ? 100 : at]))) {
+      std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), page, '\0');
       ++blanked;
     }
   }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
 
 #include "tests/support/catch.hpp"
 
@@ -39,11 +40,18 @@ class Flip {
 
 inline bool long_sweep() { return std::getenv("TACHO_LONG") != nullptr; }
 
-inline constexpr std::uint64_t kPageBytes = 4096;
+/// A page begins at every multiple of it.
+inline constexpr std::uint64_t kSpacing = 4096;
 
-/// All with TACHO_LONG; else all of the file header, the head and first cells of every page, and a sample of the rest.
+/// All with TACHO_LONG; else all of the file header, head and first cells of a page every 4096 bytes, and a sample of
+/// the rest.
 inline bool chosen(std::uint64_t offset) {
-  return long_sweep() || offset < 100 || offset % kPageBytes < 12 || offset % 151 == 0;
+  return long_sweep() || offset < 100 || offset % kSpacing < 12 || offset % 151 == 0;
+}
+
+/// Of a whole SQLite file.
+inline std::size_t page_bytes_of(const std::string& file) {
+  return static_cast<std::size_t>(static_cast<unsigned char>(file[16])) << 8U | static_cast<unsigned char>(file[17]);
 }
 
 }  // namespace tacho::test

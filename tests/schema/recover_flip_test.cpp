@@ -19,6 +19,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr int kPolls = 60;  // of a session
+
 using Poll = std::tuple<SessionId, Source, std::uint64_t>;
 
 /// What is in a log of one robot.
@@ -165,10 +167,10 @@ std::string fault_of(const Contents& whole, const fs::path& recovered, const Rec
   return "";
 }
 
-/// All with TACHO_LONG; else some of the file header, of the head of every page, and of the rest.
+/// All with TACHO_LONG; else some of the file header, of the head of a page every 4096 bytes, and of the rest.
 bool taken(std::uint64_t offset) {
   const bool header = offset < 100 && offset % 10 == 3;
-  const bool page_head = offset % kPageBytes == offset / kPageBytes % 8;
+  const bool page_head = offset % kSpacing == offset / kSpacing % 8;
   return long_sweep() || header || page_head || offset % 15'013 == 1;
 }
 
@@ -178,6 +180,9 @@ void sweep(const fs::path& folder, Bound bound) {
   const fs::path recovered = folder.string() + "-recovered";
   const Contents whole = contents_of(folder);
   REQUIRE(whole.twice.empty());
+  REQUIRE(whole.answers.size() >= kPolls);
+  std::error_code none;
+  REQUIRE((fs::file_size(part.string() + "-wal", none) == 0 || none));  // all of it is in the file
   REQUIRE_FALSE(verify_names(folder));
   const std::uint64_t size = fs::file_size(part);
   int named = 0;
@@ -185,8 +190,7 @@ void sweep(const fs::path& folder, Bound bound) {
     if (!taken(offset)) {
       continue;
     }
-    INFO("offset " << offset << " (page " << offset / kPageBytes + 1 << ", " << offset % kPageBytes << " in it) of "
-                   << size);
+    INFO("offset " << offset << " of " << size);
     const Flip flip(part, offset);
     if (verify_names(folder)) {
       ++named;
@@ -204,8 +208,6 @@ void sweep(const fs::path& folder, Bound bound) {
   }
   CHECK(named > 0);
 }
-
-constexpr int kPolls = 60;
 
 void record(Workload& work, int polls) {
   AnswerDecoder decoder;
@@ -266,18 +268,34 @@ TEST_CASE(
     copy_as_killed(dir / "live", dir / "log");
   }
   // So that there is something to damage in the file itself.
-  store::Connection(dir / "log" / "part-000001.db", store::OpenMode::write).checkpoint_truncate();
+  {
+    store::Connection connection(dir / "log" / "part-000001.db", store::OpenMode::write);
+    connection.exec("PRAGMA wal_checkpoint(TRUNCATE)");
+  }
   sweep(dir / "log", {static_cast<std::size_t>(options.keyframe_every) + 1, true});
 }
 
 namespace {
 
+/// Which page an overflow page leads to.
 std::uint32_t link_of(const std::string& file, std::size_t page) {
   std::uint32_t link = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    link = link << 8U | static_cast<unsigned char>(file[(page - 1) * kPageBytes + i]);
+    link = link << 8U | static_cast<unsigned char>(file[(page - 1) * page_bytes_of(file) + i]);
   }
   return link;
+}
+
+/// Pages of the chain that begins here, if it ends.
+std::size_t chain_length(const std::string& file, std::size_t page) {
+  const std::size_t pages = file.size() / page_bytes_of(file);
+  for (std::size_t length = 1; page >= 2 && page <= pages && length <= pages; ++length) {
+    page = link_of(file, page);
+    if (page == 0) {
+      return length;
+    }
+  }
+  return 0;
 }
 
 void write_over(const fs::path& file, std::uint64_t offset, const std::string& bytes) {
@@ -311,15 +329,14 @@ TEST_CASE("a block whose pages no longer lead to each other is put together agai
   const fs::path part = dir / "log" / "part-000001.db";
   const Contents whole = contents_of(dir / "log");
   const std::string bytes = read_file(part);
-  const std::size_t pages = bytes.size() / kPageBytes;
-  std::size_t page = 2;
-  while (page < pages && (link_of(bytes, page) < 2 || link_of(bytes, page) > pages)) {
-    ++page;
+  std::size_t page = 2;  // where the longest chain begins
+  for (std::size_t other = 2; other <= bytes.size() / page_bytes_of(bytes); ++other) {
+    page = chain_length(bytes, other) > chain_length(bytes, page) ? other : page;
   }
-  REQUIRE(page < pages);
+  REQUIRE(chain_length(bytes, page) > 3);
   int target = 0;
   for (const std::string& wrong : {std::string("\xFF\xFF\xFF\xFF"), std::string("\0\0\0\3", 4)}) {
-    write_over(part, (page - 1) * kPageBytes, wrong);
+    write_over(part, (page - 1) * page_bytes_of(bytes), wrong);
     INFO("page " << page << " leads to " << int{static_cast<unsigned char>(wrong[3])});
     CHECK(verify_names(dir / "log"));
     check_nothing_is_lost(whole, dir / "log", dir / ("new" + std::to_string(++target)));
@@ -334,7 +351,7 @@ TEST_CASE("a part that a kill left gives back its WAL also when the header of th
     options.part_bytes = 1 << 20;
     Workload work(dir / "live", ledger, options);
     work.begin(kT0);
-    record(work, 80);  // too few for a checkpoint
+    record(work, 80);  // too few for a checkpoint: all of it is in the WAL
     copy_as_killed(dir / "live", dir / "log");
   }
   const fs::path part = dir / "log" / "part-000001.db";
@@ -343,7 +360,6 @@ TEST_CASE("a part that a kill left gives back its WAL also when the header of th
   REQUIRE(whole.answers.size() + whole.missed.size() == 160);
   fs::remove(part.string() + "-shm");
   write_over(part, 0, std::string(100, '\0'));
-  // With the first page in the WAL too, SQLite would not notice.
   const std::string before = read_file(part);
   const std::vector<fs::path> logs{dir / "log"};
   const Recovery said = recover(logs, dir / "new");

@@ -133,8 +133,7 @@ TEST_CASE("whichever byte of a closed part flips, reading gives the same or name
     }
     fs::remove(part.string() + "-wal");
     fs::remove(part.string() + "-shm");
-    INFO("offset " << offset << " (page " << offset / kPageBytes + 1 << ", " << offset % kPageBytes << " in it) of "
-                   << size);
+    INFO("offset " << offset << " of " << size);
     CHECK(std::chrono::steady_clock::now() - start < kPatience);
     CHECK(out.wrong == "");
     CHECK((out.named || out.text == whole.text));
