@@ -7,6 +7,7 @@
 #include <charconv>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -89,6 +90,7 @@ class Rebuild {
   Vocabulary vocabulary_;
   Scavenged result_;
   std::uint64_t rows_ = 0;
+  std::map<std::uint64_t, std::int64_t> broken_blocks_;  ///< fingerprint without the data -> id
   PartRow part_;
   bool sealed_ = false;
   Seal seal_;
@@ -100,6 +102,7 @@ class Rebuild {
   bool take(std::uint64_t fingerprint);
   void take_record(RecordShape& shape, const RawRecord& record, PageScan& scan);
   void take_block(RecordShape& shape, RawRecord record, PageScan& scan);
+  std::int64_t insert(RecordShape& shape, const RawRecord& record);
   void read_seal();
   [[nodiscard]] bool is_newer() const;
   bool is_of_this_log();
@@ -164,29 +167,45 @@ void Rebuild::take_record(RecordShape& shape, const RawRecord& record, PageScan&
     shape.insert(record, record.rowid);
     return;
   }
+  if (name == "block") {
+    take_block(shape, record, scan);
+    return;
+  }
   // Copies that SQLite left behind when it moved rows have the same values; ids of copies may be damaged.
   const std::uint64_t values = std::hash<std::string_view>()(record.payload) ^ std::hash<std::string_view>()(name);
   const std::uint64_t values_and_id = values * 31 + static_cast<std::uint64_t>(record.rowid);
   const bool fresh = take(values);
-  if (!take(values_and_id) || (!record.live && !fresh)) {
-    return;
-  }
-  if (name == "block") {
-    take_block(shape, record, scan);
-  } else if (!shape.insert(record, record.rowid)) {
-    shape.insert(record, std::nullopt);
+  if (take(values_and_id) && (record.live || fresh)) {
+    insert(shape, record);
   }
 }
 
-/// Of all ways to put the block together the first that is whole, else the first.
+/// Returns the id it got: its own, where that is not taken.
+std::int64_t Rebuild::insert(RecordShape& shape, const RawRecord& record) {
+  if (shape.insert(record, record.rowid)) {
+    return record.rowid;
+  }
+  shape.insert(record, std::nullopt);
+  return out_.last_insert_rowid();
+}
+
+/// Of all copies of a block, and all ways to put them together, the first that is whole, else the first.
 void Rebuild::take_block(RecordShape& shape, RawRecord record, PageScan& scan) {
+  std::string_view& data = record.values.back().bytes;
+  // Its data may be put together wrongly: what tells it from others stands before them.
+  const std::uint64_t place =
+      std::hash<std::string_view>()(record.payload.substr(0, record.payload.size() - data.size()));
+  const bool fresh = take(place);
+  const auto broken = broken_blocks_.find(place);
+  if (!fresh && broken == broken_blocks_.end()) {
+    return;
+  }
   BlockDecoder decoder;
   std::vector<std::int64_t> places;
-  const auto whole = [&](std::string_view data) {
-    return decoder.open(data).empty() && decoder.places(places).empty() &&
+  const auto whole = [&](std::string_view bytes) {
+    return decoder.open(bytes).empty() && decoder.places(places).empty() &&
            decoder.answers([](std::size_t, const Answer&) {}).empty();
   };
-  std::string_view& data = record.values.back().bytes;
   std::string other;
   bool good = whole(data);
   for (std::size_t way = 0; !good; ++way) {
@@ -200,8 +219,16 @@ void Rebuild::take_block(RecordShape& shape, RawRecord record, PageScan& scan) {
       good = true;
     }
   }
-  if (!shape.insert(record, record.rowid)) {
-    shape.insert(record, std::nullopt);
+  if (!fresh && !good) {
+    return;
+  }
+  if (!fresh) {
+    Statement(out_, "DELETE FROM block WHERE id = ?1").run(broken->second);
+    broken_blocks_.erase(broken);
+  }
+  const std::int64_t id = insert(shape, record);
+  if (!good) {
+    broken_blocks_[place] = id;
   }
 }
 
