@@ -200,8 +200,10 @@ void sweep(const fs::path& folder, Bound bound) {
       fs::remove_all(recovered);
     } else {
       const Contents now = contents_of(folder);
-      CHECK((now.answers == whole.answers && now.missed == whole.missed && now.events == whole.events &&
-             now.clock == whole.clock));
+      CHECK((now.answers == whole.answers && now.missed == whole.missed));
+      const std::size_t newest = bound.open_end ? 1 : 0;  // row of a table whose rows nobody has counted yet
+      CHECK(missing(whole.events, now.events) + missing(whole.clock, now.clock) <= newest);
+      CHECK(missing(now.events, whole.events) + missing(now.clock, whole.clock) == 0);
     }
     fs::remove(part.string() + "-wal");
     fs::remove(part.string() + "-shm");
