@@ -13,7 +13,7 @@ struct Words {
   std::string_view meaning;
 };
 
-constexpr std::array<Words, 17> kCauses{{
+constexpr std::array<Words, 18> kCauses{{
     {"connect_refused", "nobody listens on the port"},
     {"connect_timeout", "no answer to the connection attempt"},
     {"unreachable", "no route to the robot"},
@@ -27,10 +27,11 @@ constexpr std::array<Words, 17> kCauses{{
     {"overrun", "earlier polls took too long"},
     {"backoff", "waiting before the next connection attempt"},
     {"queue_full", "the recorder could not keep up with writing"},
-    {"disk", "the log could not be written, or what was written could not be read again"},
+    {"disk", "the log could not be written"},
     {"recorder_off", "the recorder was not running"},
     {"recorder_killed", "not yet committed when the recorder died"},
     {"shutdown", "the recorder was stopping"},
+    {"damaged", "lost from the log that this one was recovered from"},
 }};
 
 constexpr std::array<std::string_view, kEventKindCount> kEventKinds{

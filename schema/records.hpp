@@ -67,8 +67,9 @@ enum class Cause : std::uint8_t {
   recorder_off,     ///< between two sessions, no polls were planned
   recorder_killed,  ///< lost with the process: not yet committed when it died
   shutdown,
+  damaged,  ///< was in a log of which this one holds what could be read
 };
-inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::shutdown) + 1;
+inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::damaged) + 1;
 std::string_view cause_name(Cause cause);
 std::string_view cause_meaning(Cause cause);
 

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <exception>
+#include <iterator>
 #include <set>
 
 #include "schema/log.hpp"
+#include "schema/store/scavenge.hpp"
 
 namespace tacho {
 
@@ -14,6 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kRowsPerCommit = 2000;
+/// Beside the new parts, hidden from readers, gone when all is done.
+constexpr const char* kScratchFolder = ".scavenged";
 
 Gap lost_gap(const store::StreamKey& key, const Hole& hole) {
   Gap gap;
@@ -24,8 +29,7 @@ Gap lost_gap(const store::StreamKey& key, const Hole& hole) {
   gap.seq_count = hole.seq_count;
   gap.t_from_us = hole.t_from_us;
   gap.t_to_us = std::max(hole.t_from_us, hole.t_to_us);
-  gap.cause = Cause::disk;
-  gap.detail = "damaged in the log that this one was recovered from";
+  gap.cause = Cause::damaged;
   return gap;
 }
 
@@ -33,18 +37,18 @@ Gap lost_gap(const store::StreamKey& key, const Hole& hole) {
 /// one answer is in memory.
 class Copier {
  public:
-  Copier(store::LogReader& log, const Survey& found, store::LogWriter& writer)
-      : log_(&log), found_(&found), writer_(&writer), robots_(robots_in(log)) {}
+  Copier(store::LogReader& log, const Survey& found, store::LogWriter& writer, Recovery& out)
+      : log_(&log), found_(&found), writer_(&writer), out_(&out), robots_(robots_in(log)) {}
 
-  Recovery run() {
+  void run() {
     restore_robots();
     robots_.insert(robots_.begin(), 0);
     for (std::size_t part = 0; part < log_->parts().size(); ++part) {
-      std::set<SessionId> sessions;
+      std::set<SessionId> sessions = log_->part_sessions(part);
       std::map<RobotId, store::LogReader::Records> records;
       for (const RobotId robot : robots_) {
         records[robot] = log_->part_records(part, robot);
-        note_sessions(part, robot, records[robot], sessions);
+        note_sessions(records[robot], sessions);
       }
       for (const SessionId session : sessions) {
         copy(part, session, records);
@@ -55,15 +59,14 @@ class Copier {
       begin(session.id);
     }
     end();
-    return std::move(out_);
   }
 
  private:
   store::LogReader* log_;
   const Survey* found_;
   store::LogWriter* writer_;
+  Recovery* out_;
   std::vector<RobotId> robots_;
-  Recovery out_;
   SessionId session_ = 0;
   Micros last_us_ = 0;
   std::uint64_t uncommitted_ = 0;
@@ -91,8 +94,7 @@ class Copier {
     }
   }
 
-  void note_sessions(std::size_t part, RobotId robot, const store::LogReader::Records& records,
-                     std::set<SessionId>& sessions) {
+  static void note_sessions(const store::LogReader::Records& records, std::set<SessionId>& sessions) {
     for (const Gap& gap : records.gaps) {
       sessions.insert(gap.session);
     }
@@ -101,9 +103,6 @@ class Copier {
     }
     for (const ClockPoint& point : records.clock) {
       sessions.insert(point.session);
-    }
-    if (robot != 0) {
-      log_->part_answers(part, robot, [&](const Answer& answer) { sessions.insert(answer.meta.session); });
     }
   }
 
@@ -147,9 +146,9 @@ class Copier {
       const bool same = known.session == key.session && known.robot == key.robot && known.source == key.source;
       stream = same ? known : stream;
     }
-    writer_->restore(stream, survey.first);
-    writer_->planned(key.robot, key.source, survey.first + survey.planned);
-    lanes_[key] = {stream.word_order, survey.first, 0};
+    writer_->restore(stream, survey.from);
+    writer_->planned(key.robot, key.source, survey.to);
+    lanes_[key] = {stream.word_order, survey.from, 0};
   }
 
   void end() {
@@ -173,7 +172,7 @@ class Copier {
     const std::vector<Hole>& holes = found_->streams.at(key).holes;
     for (; lane.hole < holes.size() && holes[lane.hole].seq_from < seq; ++lane.hole) {
       writer_->add(lost_gap(key, holes[lane.hole]));
-      out_.lost += holes[lane.hole].seq_count;
+      out_->lost += holes[lane.hole].seq_count;
     }
   }
 
@@ -185,18 +184,14 @@ class Copier {
           if (row.session == session && open) {
             writer_->add(row);
           }
-          out_.left_out += row.session == session && !open ? 1 : 0;
+          out_->left_out += row.session == session && !open ? 1 : 0;
         }
       };
       each(rows.gaps);
       each(rows.events);
       each(rows.clock);
       if (robot != 0) {
-        log_->part_answers(part, robot, [&](const Answer& answer) {
-          if (answer.meta.session == session) {
-            take(answer, open);
-          }
-        });
+        log_->part_answers(part, robot, session, [&](const Answer& answer) { take(answer, open); });
       }
     }
     writer_->commit();
@@ -207,7 +202,7 @@ class Copier {
     const store::StreamKey key{meta.session, meta.robot, meta.source};
     const auto found = lanes_.find(key);
     if (!open || found == lanes_.end() || meta.seq < found->second.next) {
-      ++out_.left_out;
+      ++out_->left_out;
       return;
     }
     Lane& lane = found->second;
@@ -221,7 +216,7 @@ class Copier {
     writer_->note(sample_);
     lane.next = meta.seq + 1;
     last_us_ = std::max(last_us_, meta.t_send_us);
-    ++out_.answers;
+    ++out_->answers;
     if (++uncommitted_ == kRowsPerCommit) {
       uncommitted_ = 0;
       writer_->commit();
@@ -251,24 +246,137 @@ void compare(const Survey& before, const Survey& after, Recovery& out) {
   }
 }
 
+/// The log as it can be read, with what was found in the pages of damaged parts in place of them.
+class Salvage {
+ public:
+  Salvage(std::span<const fs::path> logs, fs::path scratch, Recovery& out)
+      : scratch_(std::move(scratch)), out_(&out), files_(store::LogReader::files(logs)) {
+    std::set<fs::path> tried;
+    for (std::set<fs::path> damaged = look(tried); !damaged.empty(); damaged = look(tried)) {
+      tried.insert(damaged.begin(), damaged.end());
+      replace(damaged);
+    }
+    if (!log_) {
+      std::rethrow_exception(error_);
+    }
+  }
+  store::LogReader& log() { return dynamic_cast<store::LogReader&>(*log_); }
+  [[nodiscard]] const Survey& found() const { return found_; }
+
+ private:
+  fs::path scratch_;
+  Recovery* out_;
+  std::vector<fs::path> files_;
+  std::set<fs::path> replacements_;
+  std::unique_ptr<RowSource> log_;
+  std::exception_ptr error_;  // why there is no log_
+  Survey found_;
+
+  /// Damaged files that have not been tried yet.
+  std::set<fs::path> look(const std::set<fs::path>& tried) {
+    std::set<fs::path> damaged;
+    const auto met = [&](const ReadProblem& problem) {
+      if (tried.count(problem.where) == 0 && replacements_.count(problem.where) == 0) {
+        out_->problems.push_back(problem);
+        if (!problem.beside) {
+          damaged.insert(problem.where);
+        }
+      }
+    };
+    log_.reset();
+    try {
+      log_ = open_log(files_);
+      found_ = survey(log());
+      const std::vector<ReadProblem> problems = log_->problems();
+      std::for_each(problems.begin(), problems.end(), met);
+    } catch (const Error&) {
+      log_.reset();
+      error_ = std::current_exception();
+      look_at_each(met);
+    }
+    return damaged;
+  }
+
+  /// The whole cannot be opened: which of its files cannot?
+  template <class Met>
+  void look_at_each(Met met) const {
+    for (const fs::path& file : files_) {
+      try {
+        open_log(std::vector<fs::path>{file});
+      } catch (const Error& error) {
+        if (store::may_be_part(file)) {
+          met(ReadProblem{file.string(), error.what()});
+        }
+      }
+    }
+  }
+
+  void replace(const std::set<fs::path>& damaged) {
+    log_.reset();
+    std::vector<fs::path> whole;
+    std::copy_if(files_.begin(), files_.end(), std::back_inserter(whole),
+                 [&](const fs::path& file) { return damaged.count(file) == 0 && replacements_.count(file) == 0; });
+    for (fs::path& file : files_) {
+      if (damaged.count(file) == 0) {
+        continue;
+      }
+      const store::Scavenged found = store::scavenge(file, whole, scratch_);
+      out_->whole = out_->whole && found.whole;
+      for (const std::string& note : found.notes) {
+        out_->notes.push_back({file.string(), note});
+      }
+      if (!found.part.empty()) {
+        file = fs::canonical(found.part);
+        replacements_.insert(file);
+      }
+    }
+  }
+};
+
+/// A folder inside the new log that is gone when this is, and the new log with it where nothing was written.
+class Scratch {
+ public:
+  explicit Scratch(const fs::path& log) : log_(log), folder_(log / kScratchFolder) {
+    std::error_code error;
+    fs::create_directories(folder_, error);
+    if (error) {
+      throw Error(log.string(), error.message(), "choose a folder that this user may write to");
+    }
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+    fs::remove(log_, ignored);  // refuses a folder that is not empty
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  [[nodiscard]] const fs::path& folder() const { return folder_; }
+
+ private:
+  fs::path log_;
+  fs::path folder_;
+};
+
 }  // namespace
 
-Recovery recover(store::LogReader& log, const Survey& found, const fs::path& folder) {
+Recovery recover(std::span<const fs::path> logs, const fs::path& folder) {
   std::error_code error;
   if (fs::exists(folder, error) && !fs::is_empty(folder, error)) {
     throw Error(folder.string(), "is not an empty folder", "give a new folder: nothing is overwritten");
   }
   Recovery out;
+  const Scratch scratch(folder);
+  Salvage salvage(logs, scratch.folder(), out);
   {
     store::WriterOptions options;
     options.decode = answer_decode();
     store::LogWriter writer(folder, options);
-    out = Copier(log, found, writer).run();
+    Copier(salvage.log(), salvage.found(), writer, out).run();
   }
   const std::vector<fs::path> paths{folder};
   const auto again = open_log(paths);
   auto& reader = dynamic_cast<store::LogReader&>(*again);
-  compare(found, survey(reader), out);
+  compare(salvage.found(), survey(reader), out);
   for (const ReadProblem& problem : reader.problems()) {
     out.different.push_back(problem.where + ": " + problem.what);
   }

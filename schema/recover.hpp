@@ -2,6 +2,7 @@
 // Writes what can be read of a log into a new one.
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,13 +12,19 @@ namespace tacho {
 
 struct Recovery {
   std::uint64_t answers = 0;
-  std::uint64_t lost = 0;              ///< planned polls that became gap rows
-  std::uint64_t left_out = 0;          ///< rows that have no place in a log: they repeat or go back in order
+  std::uint64_t lost = 0;      ///< planned polls that became gap rows
+  std::uint64_t left_out = 0;  ///< rows that have no place in a log: they repeat or go back in order
+  /// False: beside answers something may be missing, or was made up, that the damaged log cannot prove (see notes).
+  bool whole = true;
+  std::vector<ReadProblem> problems;   ///< damage met
+  std::vector<ReadProblem> notes;      ///< what was made up or taken on trust where damage was
   std::vector<std::string> different;  ///< what the new log does not give back as it was read; empty = as it should be
 };
 
-/// `found` is the survey of `log`. Rows keep their numbers; polls in `found`'s holes become gap rows of cause disk, as
-/// the words of which say. Throws Error when `folder` holds anything or cannot be written.
-Recovery recover(store::LogReader& log, const Survey& found, const std::filesystem::path& folder);
+/// Reads a log as LogReader does, and what it cannot read from the pages of the files (store/scavenge.hpp). Rows keep
+/// their numbers; polls that are neither stored nor in a gap row become gap rows of cause damaged. Writes nothing but
+/// `folder`; while at work up to twice the size of the damaged parts more. Throws Error when `folder` holds anything or
+/// cannot be written, or nothing of a log is found.
+Recovery recover(std::span<const std::filesystem::path> logs, const std::filesystem::path& folder);
 
 }  // namespace tacho

@@ -120,6 +120,7 @@ struct UnknownKey {
 struct ReadProblem {
   std::string where;
   std::string what;
+  bool beside = false;  ///< a file that does not belong to the log, or repeats a part: nothing of the log is damaged
 };
 
 /// Thread rule: one thread per RowSource at a time; open one per thread.

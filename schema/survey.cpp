@@ -120,7 +120,7 @@ class Surveyor {
       take(records.back());
     }
     for (std::size_t part = 0; part < parts && robot != 0; ++part) {
-      log_->part_answers(part, robot, [this](const Answer& answer) { take(answer); });
+      log_->part_answers(part, robot, std::nullopt, [this](const Answer& answer) { take(answer); });
     }
   }
 
@@ -133,10 +133,11 @@ class Surveyor {
       const store::StreamKey key{gap.session, gap.robot, gap.source};
       out_.streams[key].missed += gap.seq_count;
       lanes_[key].spans.push_back({gap.seq_from, gap.seq_from + gap.seq_count, gap.t_from_us, gap.t_to_us});
-      // Where the disk failed the machine knew more than the log; a gap of the inputs empties the gates at a moment
-      // that is not on record.
+      // Where the disk failed the machine knew more than the log, as before damage; a gap of the inputs empties the
+      // gates at a moment that is not on record.
       SessionCheck& session = sessions_[gap.session];
-      session.exact = session.exact && gap.cause != Cause::disk && gap.source != Source::inputs;
+      session.exact =
+          session.exact && gap.cause != Cause::disk && gap.cause != Cause::damaged && gap.source != Source::inputs;
     }
     for (const Event& event : records.events) {
       add(out_.events, row_hash(event));
@@ -213,14 +214,15 @@ class Surveyor {
     const auto known = streams_.find(key);
     stream.first = known == streams_.end() ? 0 : log_->first_poll(known->second);
     std::sort(lane.spans.begin(), lane.spans.end(), [](const Span& a, const Span& b) { return a.from < b.from; });
-    std::uint64_t next = stream.first;
+    stream.from = lane.spans.empty() ? stream.first : std::min(stream.first, lane.spans.front().from);
+    std::uint64_t next = stream.from;
     Micros t_us = starts_[key.session];
     for (const Span& span : lane.spans) {
       if (span.from > next) {
         stream.holes.push_back({next, span.from - next, std::min(t_us, span.t_from_us), span.t_from_us});
       }
       stream.beyond += std::min(span.to, std::max(span.from, stream.first)) - span.from;
-      stream.doubled += std::min(next, span.to) - std::min(next, std::max(span.from, stream.first));
+      stream.doubled += std::min(next, span.to) - std::min(next, span.from);
       if (span.to > next) {
         next = span.to;
         t_us = span.t_to_us;
@@ -231,6 +233,7 @@ class Surveyor {
       const Micros period = known->second.period_us;
       stream.holes.push_back({next, end - next, t_us, t_us + static_cast<Micros>(end - next) * period});
     }
+    stream.to = std::max(next, end);
     stream.beyond += next - std::min(next, end);
     stream.planned = end - std::min(end, stream.first);
     SessionCheck& session = sessions_[key.session];

@@ -39,6 +39,8 @@ std::uint64_t row_hash(const ClockPoint& point);
 struct StreamSurvey {
   std::uint64_t first = 0;    ///< first poll that can be here
   std::uint64_t planned = 0;  ///< from there on; without a word of the schedule what left a trace
+  std::uint64_t from = 0;     ///< first poll that can be here, or is
+  std::uint64_t to = 0;       ///< after the last poll that was planned, or is here
   std::uint64_t stored = 0;
   std::uint64_t missed = 0;  ///< by gap rows
   std::uint64_t bytes = 0;

@@ -2,11 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <iterator>
+#include <set>
+
 #include "schema/log.hpp"
 #include "schema/recover.hpp"
+#include "schema/store/part.hpp"
 
 namespace tacho::commands {
 namespace {
+
+constexpr std::size_t kMostMissingParts = 1000;  // in words; a damaged number may lie anywhere
 
 std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
 
@@ -23,7 +29,32 @@ Finding finding(const char* id, const char* title, std::uint64_t n, Verdict bad,
   return f;
 }
 
-Section section_of(store::LogReader& log, const Survey& found) {
+/// Numbers between the first and the last part of a folder that no file has. Parts that are only missing at the start
+/// were removed by retention, or moved away.
+std::vector<std::uint32_t> missing_parts(const store::LogReader& log, const Options& options) {
+  std::set<std::uint32_t> here;
+  for (const store::LogReader::PartInfo& part : log.parts()) {
+    here.insert(part.number);
+  }
+  bool folder = false;
+  for (const std::filesystem::path path : options.logs) {
+    if (std::filesystem::is_directory(path)) {
+      folder = true;
+      for (const store::PartFile& file : store::list_parts(path)) {
+        here.insert(file.number);  // also one that cannot be read, which is named as such
+      }
+    }
+  }
+  std::vector<std::uint32_t> missing;
+  for (auto part = here.begin(); folder && std::next(part) != here.end(); ++part) {
+    for (std::uint32_t number = *part + 1; number < *std::next(part) && missing.size() < kMostMissingParts; ++number) {
+      missing.push_back(number);
+    }
+  }
+  return missing;
+}
+
+Section section_of(store::LogReader& log, const Survey& found, const Options& options) {
   Section section;
   section.name = "verify";
   section.title = "Verification";
@@ -33,8 +64,13 @@ Section section_of(store::LogReader& log, const Survey& found) {
     names[robot.id] = robot.name;
   }
   DataTable damage{"damage", "Damage", {{"where", "", "file"}, {"what", "", "what is damaged"}}, {}};
+  DataTable beside{"beside", "Files beside the log", {{"where", "", "file"}, {"what", "", "what it is"}}, {}};
   for (const ReadProblem& p : log.problems()) {
-    damage.rows.push_back({p.where, p.what});
+    (p.beside ? beside : damage).rows.push_back({p.where, p.what});
+  }
+  const std::vector<std::uint32_t> missing = missing_parts(log, options);
+  for (const std::uint32_t number : missing) {
+    damage.rows.push_back({fmt::format("part {}", number), "is missing between others"});
   }
   const ColumnSpec robot{"robot", "", "robot"};
   const ColumnSpec source{"source", "", "source"};
@@ -93,14 +129,16 @@ Section section_of(store::LogReader& log, const Survey& found) {
   const std::string remedy = "tacho-analyzer recover LOG -o NEW writes all that can be read into a new log";
   const EventCheck& e = found.event_check;
   section.findings = {
-      finding("VER-01", "damaged or foreign files and rows", damage.rows.size(), Verdict::fail, remedy),
+      finding("VER-01", "damaged files and rows", damage.rows.size() - missing.size(), Verdict::fail, remedy),
       finding("VER-02", "polls neither stored nor in a gap row", holes, Verdict::fail, remedy),
       finding("VER-03", "polls doubled, out of order or never planned", wrong, Verdict::fail, remedy),
       finding("VER-04", "summaries that are not what is there", found.wrong_summaries.size(), Verdict::fail, remedy),
       finding("VER-05", "events that differ from those derived again", e.only_stored + e.only_derived, Verdict::warn,
-              "the log may have been written by another version of this program")};
+              "the log may have been written by another version of this program"),
+      finding("VER-06", "parts that are missing between others", missing.size(), Verdict::fail,
+              "put the missing files back; recover writes gap rows for what was in them")};
+  Finding& events = section.findings[4];
   if (e.sessions == 0 && e.left_out > 0) {  // nothing was compared, which is no PASS
-    Finding& events = section.findings.back();
     events.verdict = Verdict::unknown;
     events.value.value.reset();
     events.value.reason = "in no session can the way to its events be repeated exactly";
@@ -110,21 +148,25 @@ Section section_of(store::LogReader& log, const Survey& found) {
   section.notes.insert(section.notes.end(), e.first.begin(), e.first.end());
   section.notes.push_back(
       fmt::format("events derived again for {} sessions of a robot; {} left out", e.sessions, e.left_out));
-  section.tables = {damage, streams, lost, manifest};
+  const std::uint32_t first = log.parts().front().number;
+  if (first > 1) {
+    section.notes.push_back(
+        fmt::format("the log begins with part {}: older ones were removed by retention, or moved away", first));
+  }
+  section.tables = {damage, beside, streams, lost, manifest};
   return section;
 }
 
-std::unique_ptr<RowSource> open(const Options& options) {
-  const std::vector<std::filesystem::path> paths(options.logs.begin(), options.logs.end());
-  return open_log(paths);
+std::vector<std::filesystem::path> paths_of(const Options& options) {
+  return {options.logs.begin(), options.logs.end()};
 }
 
 }  // namespace
 
 int verify(const Options& options) {
-  const auto log = open(options);
+  const auto log = open_log(paths_of(options));
   auto& reader = dynamic_cast<store::LogReader&>(*log);
-  const Section section = section_of(reader, survey(reader));
+  const Section section = section_of(reader, survey(reader), options);
   report::Origin origin;
   origin.tool = "tacho-analyzer " TACHO_VERSION;
   const int code = emit(section, origin, options);
@@ -133,17 +175,19 @@ int verify(const Options& options) {
 }
 
 int recover_log(const Options& options) {
-  const auto log = open(options);
-  auto& reader = dynamic_cast<store::LogReader&>(*log);
-  const Survey found = survey(reader);
-  const Recovery done = recover(reader, found, options.output);
-  tell_problems(reader);
+  const Recovery done = recover(paths_of(options), options.output);
+  for (const ReadProblem& problem : done.problems) {
+    std::fprintf(stderr, "tacho-analyzer: warning: %s: %s\n", problem.where.c_str(), problem.what.c_str());
+  }
+  for (const ReadProblem& note : done.notes) {
+    std::fprintf(stderr, "tacho-analyzer: note: %s: %s\n", note.where.c_str(), note.what.c_str());
+  }
   for (const std::string& what : done.different) {
     std::fprintf(stderr, "tacho-analyzer: error: %s: %s; do not use it\n", options.output.c_str(), what.c_str());
   }
   write_stdout(fmt::format("{}: {} answers, {} polls lost, {} rows left out\n", options.output, done.answers, done.lost,
                            done.left_out));
-  const bool lossy = done.lost + done.left_out + reader.problems().size() > 0;
+  const bool lossy = done.lost + done.left_out > 0 || !done.whole;
   return !done.different.empty() ? kExitFailed : lossy ? kExitFindings : kExitOk;
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "schema/row_source.hpp"
@@ -13,8 +14,9 @@ struct AnswerQuery {
   RobotId robot = 0;
   std::array<bool, kSourceCount> sources{};
   Window window;
-  [[nodiscard]] bool asks_for(RobotId id, Source source) const {
-    return id == robot && sources[static_cast<std::size_t>(source)];
+  std::optional<SessionId> session = std::nullopt;  ///< empty: all
+  [[nodiscard]] bool asks_for(SessionId of, RobotId id, Source source) const {
+    return id == robot && of == session.value_or(of) && sources[static_cast<std::size_t>(source)];
   }
 };
 

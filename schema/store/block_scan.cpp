@@ -38,7 +38,7 @@ std::array<BlockPlaces, kSourceCount> block_places(const BlockList& list, const 
   for (const BlockRow& place : list.blocks) {
     const Source source = *head.vocabulary.source[static_cast<std::size_t>(place.source)];
     met[{place.session, place.robot, source}].stored += place.rows;
-    if (query.asks_for(place.robot, source) && place.row_from <= head.ends.row &&
+    if (query.asks_for(place.session, place.robot, source) && place.row_from <= head.ends.row &&
         place.t_to_us >= query.window.from_us && place.t_from_us < query.window.to_us) {
       places[static_cast<std::size_t>(source)].push_back(place);
     }

@@ -76,7 +76,8 @@ void HotAnswers::advance() {
   row_ = 0;
   while (const HotRow* row = scan_.next()) {
     ++(*met_)[{row->meta.session, row->meta.robot, row->meta.source}].stored;
-    if (!query_->asks_for(row->meta.robot, row->meta.source) || !query_->window.contains(row->meta.t_send_us)) {
+    if (!query_->asks_for(row->meta.session, row->meta.robot, row->meta.source) ||
+        !query_->window.contains(row->meta.t_send_us)) {
       continue;
     }
     const std::string* body = chain_.body(*row);

@@ -12,6 +12,7 @@
 #include "schema/store/part_head.hpp"
 #include "schema/store/part_reader.hpp"
 #include "schema/store/rollup.hpp"
+#include "schema/store/scavenge.hpp"
 #include "schema/store/slicer.hpp"
 
 namespace tacho::store {
@@ -73,9 +74,9 @@ struct LogReader::Impl {
   std::map<StreamKey, std::uint64_t> next_seq;   // after stored answers and gaps
   std::vector<Coverage> coverage;
 
-  void problem(const std::string& where, const std::string& what) {
+  void problem(const std::string& where, const std::string& what, bool beside = false) {
     if (told.emplace(where, what).second) {
-      problems.push_back({where, what});
+      problems.push_back({where, what, beside});
     }
   }
 
@@ -145,7 +146,7 @@ void LogReader::Impl::add_part(const fs::path& path) {
     if (const std::string name = path.string() + ": "; what.rfind(name, 0) == 0) {
       what.erase(0, name.size());
     }
-    problem(path.string(), what + "; skipped");
+    problem(path.string(), what + "; skipped", !may_be_part(path));
   }
 }
 
@@ -154,7 +155,7 @@ void LogReader::Impl::drop_copies() {
     if (a.row.number != b.row.number) {
       return false;
     }
-    problem(b.path.string(), "is a copy of " + a.path.string() + "; skipped");
+    problem(b.path.string(), "is a copy of " + a.path.string() + "; skipped", true);
     return true;
   };
   parts.erase(std::unique(parts.begin(), parts.end(), same_part), parts.end());
@@ -268,6 +269,8 @@ LogReader::LogReader(std::span<const fs::path> logs, Decoders decoders, Access a
 }
 
 LogReader::~LogReader() = default;
+
+std::vector<fs::path> LogReader::files(std::span<const fs::path> logs) { return candidates(logs); }
 
 std::vector<Robot> LogReader::robots() const {
   std::vector<Robot> out;
@@ -396,9 +399,18 @@ LogReader::Records LogReader::part_records(std::size_t part, RobotId robot) {
   return out;
 }
 
-void LogReader::part_answers(std::size_t part, RobotId robot, const std::function<void(const Answer&)>& yield) {
+std::set<SessionId> LogReader::part_sessions(std::size_t part) const {
+  std::set<SessionId> sessions;
+  for (const auto& [key, count] : impl_->parts[part].counts) {
+    sessions.insert(key.session);
+  }
+  return sessions;
+}
+
+void LogReader::part_answers(std::size_t part, RobotId robot, std::optional<SessionId> session,
+                             const std::function<void(const Answer&)>& yield) {
   const PartHead& head = impl_->parts[part];
-  AnswerQuery query{robot, {}, Window{}};
+  AnswerQuery query{robot, {}, Window{}, session};
   query.sources.fill(true);
   try {
     PartReader reader = impl_->reader(head);

@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,6 +40,9 @@ class LogReader final : public RowSource {
   [[nodiscard]] std::size_t rollup_portions() const override;
   [[nodiscard]] std::vector<Rollup> rollups(RobotId robot, std::size_t portion) override;
 
+  /// Every file of these logs that may be a part, each once.
+  static std::vector<std::filesystem::path> files(std::span<const std::filesystem::path> logs);
+
   struct PartInfo {
     std::filesystem::path path;
     std::uint32_t number = 0;
@@ -56,8 +61,11 @@ class LogReader final : public RowSource {
   };
   /// Of one robot, or (0) of none. `part` counts in parts().
   Records part_records(std::size_t part, RobotId robot);
-  /// All sources in order of arrival.
-  void part_answers(std::size_t part, RobotId robot, const std::function<void(const Answer&)>& yield);
+  /// Sessions that have answers in it, and perhaps some that have none.
+  [[nodiscard]] std::set<SessionId> part_sessions(std::size_t part) const;
+  /// All sources in order of arrival, of all sessions or one.
+  void part_answers(std::size_t part, RobotId robot, std::optional<SessionId> session,
+                    const std::function<void(const Answer&)>& yield);
   /// The first poll of a stream that the parts given here can hold: earlier ones were in parts that are gone.
   [[nodiscard]] std::uint64_t first_poll(const Stream& stream) const;
 

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <utility>
 
+#include "schema/store/scavenge.hpp"
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
@@ -21,7 +22,9 @@ bool has_wal(const fs::path& path) {
 }
 
 NotAPart foreign(const fs::path& path, const std::string& why) {
-  return {path.string(), why, "it is not a part of a log: move it out of the folder"};
+  return {path.string(), why,
+          may_be_part(path) ? "it is damaged: tacho-analyzer recover LOG -o NEW looks for its rows in its pages"
+                            : "it is not a part of a log: move it out of the folder"};
 }
 
 /// Throws when the file is not ours to read.

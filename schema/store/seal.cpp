@@ -129,11 +129,13 @@ Seal check_seal(Connection& connection, bool closed, bool whole) {
                                                     : compare(connection, table.name, select, known->second);
     if (!wrong.empty()) {
       seal.damage.push_back(wrong);
+      seal.damaged.emplace(table);
     }
   }
   for (const std::string_view table : kRecordTables) {
     if (sealed.find(table) == sealed.end()) {
       seal.damage.push_back(fmt::format("the seal of table {} is missing", table));
+      seal.damaged.emplace(table);
     }
   }
   return seal;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -22,7 +23,8 @@ void break_seal(Connection& connection);
 
 struct Seal {
   SealedRows rows;
-  std::vector<std::string> damage;  ///< in words; tables that are not as they were sealed
+  std::vector<std::string> damage;             ///< in words; tables that are not as they were sealed
+  std::set<std::string, std::less<>> damaged;  ///< the same tables by name
 };
 /// Compares the tables that have a checksum here; the rows of gap, event, clock and rollup are counted where they are
 /// read. `closed`: a part without a seal is damaged, unless it is older than seals. `whole`: also columns that opening a

@@ -1,12 +1,10 @@
 // Every byte of a closed part, one at a time: reading gives the same, or names the damage; never a wrong answer.
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
-#include <cstdlib>
 
+#include "tests/schema/flip_sweep.hpp"
 #include "tests/schema/store_workload.hpp"
 
 using namespace tacho;
@@ -110,38 +108,11 @@ Reading read_everything(const fs::path& folder) {
   return out;
 }
 
-/// The file with one byte changed, for as long as this lives.
-class Flip {
- public:
-  Flip(const fs::path& path, std::uint64_t offset, unsigned char mask)
-      : file_(open(path.c_str(), O_RDWR | O_CLOEXEC)), offset_(static_cast<off_t>(offset)) {
-    REQUIRE(pread(file_, &byte_, 1, offset_) == 1);
-    const auto changed = static_cast<unsigned char>(byte_ ^ mask);
-    REQUIRE(pwrite(file_, &changed, 1, offset_) == 1);
-  }
-  ~Flip() {
-    static_cast<void>(!pwrite(file_, &byte_, 1, offset_));
-    close(file_);
-  }
-  Flip(const Flip&) = delete;
-  Flip& operator=(const Flip&) = delete;
-
- private:
-  int file_;
-  off_t offset_;
-  unsigned char byte_ = 0;
-};
-
-constexpr std::uint64_t kPage = 4096;
 constexpr std::chrono::seconds kPatience(2);
-
-/// Without TACHO_LONG: all of the file header, the head and the first cells of every page, and a sample of the rest.
-bool chosen(std::uint64_t offset, bool all) { return all || offset < 100 || offset % kPage < 12 || offset % 151 == 0; }
 
 }  // namespace
 
 TEST_CASE("whichever byte of a closed part flips, reading gives the same or names the damage") {
-  const bool all = std::getenv("TACHO_LONG") != nullptr;
   TempDir dir(memory_folder());
   const fs::path part = write_part(dir.path());
   const Reading whole = read_everything(dir.path());
@@ -151,20 +122,18 @@ TEST_CASE("whichever byte of a closed part flips, reading gives the same or name
   int flips = 0;
   int named = 0;
   for (std::uint64_t offset = 0; offset < size; ++offset) {
-    if (!chosen(offset, all)) {
+    if (!chosen(offset)) {
       continue;
     }
-    const auto mask = static_cast<unsigned char>(offset % 3 == 0 ? 0xFFU : 1U << (offset % 8));
     Reading out;
     const auto start = std::chrono::steady_clock::now();
     {
-      const Flip flip(part, offset, mask);
+      const Flip flip(part, offset);
       out = read_everything(dir.path());
     }
     fs::remove(part.string() + "-wal");
     fs::remove(part.string() + "-shm");
-    INFO("offset " << offset << " (page " << offset / kPage + 1 << ", " << offset % kPage << " in it) of " << size
-                   << ", mask " << int{mask});
+    INFO("offset " << offset << " of " << size);
     CHECK(std::chrono::steady_clock::now() - start < kPatience);
     CHECK(out.wrong == "");
     CHECK((out.named || out.text == whole.text));

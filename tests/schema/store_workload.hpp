@@ -72,6 +72,7 @@ class Workload {
   void begin(Micros t0_us, Micros period_us = kSecond) {
     t0_us_ = t0_us;
     period_us_ = period_us;
+    next_ = 0;
     ledger_->new_events.clear();
     Session start;
     start.t_start_us = t0_us;
