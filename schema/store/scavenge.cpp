@@ -237,7 +237,7 @@ void Rebuild::read_seal() {
   sealed_ = row.step() && row.integer(0) > 0;
   row.reset();
   if (sealed_) {
-    seal_ = check_seal(out_, true);
+    seal_ = check_seal(out_, true, true);
   }
   part_ = read_part_row(out_);
   result_.whole = sealed_;

@@ -129,7 +129,7 @@ Seal check_seal(Connection& connection, bool closed, bool whole) {
                                                     : compare(connection, table.name, select, known->second);
     if (!wrong.empty()) {
       seal.damage.push_back(wrong);
-      seal.damaged.emplace(table);
+      seal.damaged.emplace(table.name);
     }
   }
   for (const std::string_view table : kRecordTables) {
