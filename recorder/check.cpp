@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <future>
 #include <memory>
 #include <optional>
@@ -12,6 +13,7 @@
 #include "recorder/link/tcp_link.hpp"
 #include "recorder/recorder.hpp"
 #include "schema/log.hpp"
+#include "schema/store/kept_parts.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -176,6 +178,20 @@ class RobotCheck {
   ModbusLink* modbus_ = nullptr;
 };
 
+/// Space and what the rules make of it. Nothing is made or removed here.
+std::string log_text(const Config& config) {
+  std::error_code ignored;
+  std::filesystem::path there = std::filesystem::absolute(config.log, ignored);
+  const bool exists = std::filesystem::exists(there, ignored);
+  while (!std::filesystem::exists(there, ignored) && there.has_relative_path()) {
+    there = there.parent_path();
+  }
+  const auto parts = exists ? store::read_kept_parts(config.log) : std::vector<store::KeptPart>();
+  const store::Forecast forecast = store::forecast(config.retention, parts, store::free_disk_bytes(there));
+  return fmt::format("log {}\n  rules      {}\n  space      {}\n", config.log.string(),
+                     store::rules_text(config.retention), store::forecast_text(forecast, config.retention));
+}
+
 }  // namespace
 
 CheckResult check_robot(const RobotConfig& robot) {
@@ -193,6 +209,9 @@ CheckResult check(const Config& config) {
     const CheckResult result = one.get();
     all.text += result.text;
     all.problems += result.problems;
+  }
+  if (!config.log.empty()) {
+    all.text += log_text(config);
   }
   return all;
 }

@@ -23,6 +23,8 @@ constexpr Micros kShortestTimeout = 20'000;
 constexpr Micros kLongestTimeout = 60'000'000;
 constexpr Micros kShortestCommit = 50'000;
 constexpr Micros kLongestCommit = 600'000'000;
+constexpr Micros kShortestAge = 3'600'000'000;
+constexpr Micros kLongestAge = Micros{36'500} * 86'400'000'000;
 
 std::vector<std::string> split(std::string_view text, char separator) {
   std::vector<std::string> parts;
@@ -198,6 +200,14 @@ std::uint64_t parse_size(std::string_view text, const std::string& what) {
   return static_cast<std::uint64_t>(bytes);
 }
 
+Micros parse_age(std::string_view text, const std::string& what) {
+  return text == "off" ? 0 : parse_length(text, what, kShortestAge, kLongestAge);
+}
+
+std::uint64_t parse_limit(std::string_view text, const std::string& what) {
+  return text == "off" ? 0 : parse_size(text, what);
+}
+
 std::optional<WordOrder> parse_order(std::string_view text, const std::string& what) {
   if (text == "auto") {
     return std::nullopt;
@@ -271,6 +281,12 @@ void apply(const Overrides& overrides, Config& config) {
 void validate(const Config& config) {
   if (config.robots.empty()) {
     throw UsageError("robots", "none given", "use --robot NAME=HOST, or [[robot]] in a --config file");
+  }
+  if (config.retention.size_bytes > 0 && config.retention.size_bytes < 2 * config.part_bytes) {
+    throw UsageError("[retention] size",
+                     fmt::format("{} is less than two parts of {}, and the part that is written is never removed",
+                                 store::size_text(config.retention.size_bytes), store::size_text(config.part_bytes)),
+                     "allow more, or lower part_size");
   }
   std::set<std::string> names;
   for (const RobotConfig& robot : config.robots) {

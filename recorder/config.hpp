@@ -11,6 +11,7 @@
 
 #include "schema/error.hpp"
 #include "schema/records.hpp"
+#include "schema/store/retention.hpp"
 #include "schema/wire/requests.hpp"
 
 namespace tacho::recorder {
@@ -55,9 +56,10 @@ struct RobotConfig {
 
 struct Config {
   std::filesystem::path log;
-  Micros commit_us = 1'000'000;           ///< at most this much is lost by a power cut; longer spares flash
-  std::uint64_t part_bytes = 256u << 20;  ///< a part is closed when larger
-  Settings defaults;                      ///< of robots that say nothing else
+  Micros commit_us = 1'000'000;                     ///< at most this much is lost by a power cut; longer spares flash
+  std::uint64_t part_bytes = 256u << 20;            ///< a part is closed when larger
+  store::RetentionRules retention{0, 0, 1u << 30};  ///< what is removed from the log, and when
+  Settings defaults;                                ///< of robots that say nothing else
   std::vector<RobotConfig> robots;
 };
 
@@ -89,6 +91,9 @@ Micros parse_period(std::string_view text, const std::string& what);
 Micros parse_length(std::string_view text, const std::string& what, Micros least, Micros most);
 /// "256MB", "1GB"; binary multiples.
 std::uint64_t parse_size(std::string_view text, const std::string& what);
+/// Of [retention]: durations and sizes, 0 for "off".
+Micros parse_age(std::string_view text, const std::string& what);
+std::uint64_t parse_limit(std::string_view text, const std::string& what);
 std::optional<WordOrder> parse_order(std::string_view text, const std::string& what);
 int check_unit(std::int64_t unit, const std::string& what);
 

@@ -170,6 +170,24 @@ std::vector<Key> settings_keys(const Reader& reader, Settings& s) {
   };
 }
 
+std::vector<Key> retention_keys(store::RetentionRules& rules) {
+  return {
+      {"age",
+       [&rules](const toml::node& v, const std::string& what) { rules.age_us = parse_age(text_of(v, what), what); }},
+      {"size", [&rules](const toml::node& v,
+                        const std::string& what) { rules.size_bytes = parse_limit(text_of(v, what), what); }},
+      {"reserve", [&rules](const toml::node& v,
+                           const std::string& what) { rules.reserve_bytes = parse_limit(text_of(v, what), what); }},
+  };
+}
+
+toml::table to_table(const store::RetentionRules& rules) {
+  const auto limit = [](std::uint64_t bytes) { return bytes == 0 ? "off" : fmt::format("{}KB", bytes / 1024); };
+  return toml::table{{"age", rules.age_us == 0 ? "off" : fmt::format("{}us", rules.age_us)},
+                     {"size", limit(rules.size_bytes)},
+                     {"reserve", limit(rules.reserve_bytes)}};
+}
+
 RobotConfig read_robot(const Reader& reader, const toml::table& table, const Settings& defaults) {
   RobotConfig robot;
   robot.settings = defaults;
@@ -241,6 +259,9 @@ Config parse_config(std::string_view toml, const std::string& file_name) {
   keys.push_back({"part_size", [&](const toml::node& v, const std::string& what) {
                     config.part_bytes = parse_size(text_of(v, what), what);
                   }});
+  keys.push_back({"retention", [&](const toml::node& v, const std::string& what) {
+                    reader.table(table_of(v, what), "[retention]", retention_keys(config.retention));
+                  }});
   const toml::array* robots = nullptr;
   keys.push_back({"robot", [&](const toml::node& v, const std::string& what) {
                     robots = v.as_array();
@@ -270,7 +291,8 @@ Config read_config(const std::filesystem::path& file) {
 std::string to_toml(const Config& config) {
   toml::table root{{"log", config.log.string()},
                    {"commit", fmt::format("{}us", config.commit_us)},
-                   {"part_size", fmt::format("{}KB", config.part_bytes / 1024)}};
+                   {"part_size", fmt::format("{}KB", config.part_bytes / 1024)},
+                   {"retention", to_table(config.retention)}};
   append_settings(config.defaults, root);
   toml::array robots;
   for (const RobotConfig& robot : config.robots) {

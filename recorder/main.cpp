@@ -81,6 +81,9 @@ int run(const Arguments& arguments) {
   Recorder recorder(config, std::move(options));
   console.message(fmt::format("recording {} robot{} into {}", config.robots.size(),
                               config.robots.size() == 1 ? "" : "s", config.log.string()));
+  for (const std::string& line : recorder.outlook()) {
+    console.message(line);
+  }
   Micros next_status = mono_now_us();
   while (!recorder.done()) {
     const timespec tick{0, 50'000'000};

@@ -103,19 +103,26 @@ struct Recorder::Impl {
   std::vector<std::unique_ptr<Poller>> pollers;
   std::vector<std::size_t> owner;  // robot index of each poller
   std::vector<std::thread> threads;
+  std::vector<std::string> outlook;
   std::atomic<std::size_t> running{0};
 
   Impl(const Config& c, Options o)
-      : config(c), options(std::move(o)), writer(config.log, writer_options(config)), ingest(writer) {
+      : config(c), options(with_notice(std::move(o))), writer(config.log, writer_options()), ingest(writer) {}
+
+  static Options with_notice(Options options) {
     if (!options.notice) {
       options.notice = [](const std::string&) {};
     }
+    return options;
   }
 
-  static store::WriterOptions writer_options(const Config& config) {
+  [[nodiscard]] store::WriterOptions writer_options() const {
     store::WriterOptions out;
     out.part_bytes = config.part_bytes;
     out.decode = answer_decode();
+    out.retention.rules = config.retention;
+    out.retention.time = store::host_time;
+    out.retention.tell = options.notice;
     return out;
   }
 
@@ -233,6 +240,8 @@ struct Recorder::Impl {
 
 Recorder::Recorder(const Config& config, Options options) : impl_(std::make_unique<Impl>(config, std::move(options))) {
   const SessionId session = impl_->begin();
+  impl_->outlook = {store::rules_text(config.retention),
+                    store::forecast_text(impl_->writer.forecast(), config.retention)};
   impl_->make_log();
   impl_->make_pollers(session);
   impl_->start();
@@ -243,6 +252,8 @@ Recorder::~Recorder() {
   impl_->join();
   impl_->log.reset();  // its thread still looks at the pollers' counters
 }
+
+std::vector<std::string> Recorder::outlook() const { return impl_->outlook; }
 
 void Recorder::stop() { impl_->stop(); }
 

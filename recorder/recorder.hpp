@@ -61,6 +61,8 @@ class Recorder {
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
+  /// The rules of retention and how long the disk will do, in words, as of the start.
+  [[nodiscard]] std::vector<std::string> outlook() const;
   /// Ends polling at once. Thread-safe.
   void stop();
   /// True when there is nothing to wait for: the time is over and every poller has returned, or the log broke.

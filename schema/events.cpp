@@ -332,6 +332,7 @@ bool derived_from_answers(EventKind kind) {
     case EventKind::word_order:
     case EventKind::clock_step:
     case EventKind::mark:
+    case EventKind::part_removed:
       return false;
     default:
       return true;

@@ -119,8 +119,9 @@ enum class EventKind : std::uint8_t {
   undecodable,
   clock_step,
   mark,
+  part_removed,  ///< retention has removed a part of the log; of no robot
 };
-inline constexpr std::size_t kEventKindCount = 28;
+inline constexpr std::size_t kEventKindCount = 29;
 std::string_view event_kind_name(EventKind kind);
 
 /// An edge seen between two polls: it happened in (t_from_us, t_us]. For things without a previous poll both are equal.

@@ -7,7 +7,8 @@ CREATE TABLE part (
   number INTEGER NOT NULL,                 -- number of this part, from 1; order of parts
   software TEXT NOT NULL,                  -- what created the part
   closed INTEGER NOT NULL,                 -- 1: complete and checkpointed
-  counted_to INTEGER NOT NULL              -- hot.id up to which the coverage rows count; all of every block
+  counted_to INTEGER NOT NULL,             -- hot.id up to which the coverage rows count; all of every block
+  ended_us INTEGER                         -- when it was closed by a clock known to be right, UTC microseconds; NULL: not known
 ) STRICT;
 
 -- robots, as configured and as they say they are

@@ -1,6 +1,6 @@
 #pragma once
 // One writer per log. The lock is flock() on a file in the folder: the kernel drops it when the process dies, so a kill
-// never leaves a stale lock. The file's text says who holds it.
+// never leaves a stale lock. The file's text says who holds it, unless the disk was full.
 
 #include <filesystem>
 #include <string>

@@ -4,94 +4,65 @@
 #include <cassert>
 #include <map>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "schema/store/hot_codec.hpp"
+#include "schema/store/kept_parts.hpp"
+#include "schema/store/part_end.hpp"
 #include "schema/store/part_sequence.hpp"
 #include "schema/store/repack.hpp"
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/stream_state.hpp"
 
 namespace tacho::store {
 
-namespace {
-
 namespace fs = std::filesystem;
 
-constexpr Micros kDayUs = 86'400'000'000;
-constexpr std::uint64_t kCommitsPerCoverage = 10;
-constexpr std::uint64_t kCommitsPerCheckpoint = 60;
-constexpr std::uint64_t kCommitsAfterFailedMove = 60;
-/// Moving rows into blocks after a commit takes about this long at most: rows of many robots are due at the same time.
-constexpr auto kMoveBudget = std::chrono::milliseconds(50);
-constexpr int kWalPagesPerCheckpoint = 2048;  // 8 MiB
-constexpr int kWalPagesPinned = 16384;        // 64 MiB: a reader keeps the WAL from being emptied
+namespace {
+
+constexpr std::uint64_t kCommitsPerCoverage = 60;
+constexpr std::uint64_t kCommitsAfterFailure = 60;
+/// After a commit, moving rows into blocks may take about this share of the time that its answers cover: the sooner all
+/// are packed, the fewer new rows have to be put back.
+constexpr Micros kMoveShare = 4;
+constexpr Micros kLeastMoveUs = 50'000;
+constexpr Micros kMostMoveUs = 1'000'000;
+constexpr std::uint64_t kPinned = 4;  // a WAL so many times larger than it should be is pinned by a reader
 // Against a robot that invents keys: the answers themselves keep all of them.
 constexpr std::size_t kUnknownKeysPerStream = 1000;
 
-Micros day_of(Micros t_us) { return t_us >= 0 ? t_us / kDayUs : (t_us + 1) / kDayUs - 1; }
-
-/// One stream of the open session.
-struct StreamState {
-  StreamRow row;
-  StreamCount count;       // of this part
-  StreamCount committed;   // the same at the last commit
-  LogWriter::Tally tally;  // of the session
-  LogWriter::Tally committed_tally;
-  std::uint64_t next_seq = 0;  // after the last stored or missed poll
-  std::uint64_t committed_seq = 0;
-  std::optional<std::uint64_t> planned;
-  bool dirty = false;
-  std::string previous;  // body of row previous_id, the base of the next row
-  std::int64_t previous_id = 0;
-  int deltas = 0;
-  std::set<std::string, std::less<>> unknown;
-
-  void forget_previous() {
-    previous_id = 0;
-    deltas = 0;
-  }
-};
-
-using StreamId = std::pair<RobotId, Source>;
-
-void count_gap(StreamState& state, const Gap& gap) {
-  (gap.partial ? state.tally.partial : state.tally.missed[static_cast<std::size_t>(gap.cause)]) += gap.seq_count;
-}
-
-/// The newest row of a stream in earlier sessions.
-struct LastRow {
-  SessionId session = 0;
-  Micros t_us = 0;
-};
-
 }  // namespace
 
-struct LogWriter::Impl {
+struct LogWriter::Impl : WriterHead {
   WriterOptions options;
+  Keeper keeper;
   PartSequence parts;
   HotEncoder encoder;
   HotLedger hot;  // of the current part
   Repacker repacker;
-  std::map<RobotId, Robot> robots;
   SessionId next_session = 1;
-  std::optional<Session> session;
-  std::map<StreamId, StreamState> streams;
-  std::map<StreamId, LastRow> earlier;
   std::int64_t next_row = 1;
-  std::optional<Micros> part_day;
-  bool urgent = false;  // something changed that cannot be counted again without decoding
-  bool lost = false;    // a transaction failed: the next one says so in gap rows
-  bool day_over = false;
+  PartEnd part_end;
+  bool urgent = false;        // something changed that cannot be counted again without decoding
+  bool lost = false;          // a transaction failed: the next one says so in gap rows
+  bool removed_told = false;  // the open transaction tells of removed parts
   std::uint64_t since_coverage = 0;
-  std::uint64_t since_checkpoint = 0;
-  std::uint64_t move_again_at = 0;  // stats.commits
+  std::uint64_t move_again_at = 0;     // stats.commits
+  std::uint64_t prepare_again_at = 0;  // stats.commits
+  Micros newest_us = 0;                // time of the last answer
+  Micros committed_newest_us = 0;
   Stats stats;
   Stats committed_stats;
   std::map<StreamId, Tally> tallies;  // of the ended session
 
   Impl(const fs::path& folder, WriterOptions how)
-      : options(how), parts(folder, how.durable), encoder(how.zstd_level), repacker(how.zstd_level, how.decode) {
+      : options(std::move(how)),
+        keeper(options.retention),
+        parts(folder, options.durable, options.zstd_level, options.decode),
+        encoder(options.zstd_level),
+        repacker(options.zstd_level, options.decode),
+        part_end(options.part_bytes, options.part_per_day) {
+    open_newest();
     if (parts.found()) {
       adopt(*parts.found());
     }
@@ -103,8 +74,8 @@ struct LogWriter::Impl {
   }
 
   PartWriter& part() { return parts.current(); }
+  void open_newest();
   void adopt(const PartHead& head);
-  void write_head(Connection& connection);
   void next_part();
 
   template <class Write>
@@ -112,14 +83,18 @@ struct LogWriter::Impl {
   template <class Write>
   void write_polls(StreamState& state, std::uint64_t next_seq, Write rows);
   void write_lost();
+  void write_removed();
   void rolled_back();
   void write_coverage();
   void commit();
+  void commit_all();
+  void commit_rows();
   void committed();
+  void prepare_next();
   void coverage_written();
-  void move_due();
+  Deadline move_until();
+  void move_due(Deadline until);
   void checkpoint();
-  [[nodiscard]] bool part_is_over();
   void turn_day(Micros t_us);
 
   StreamState& stream(RobotId robot, Source source);
@@ -127,6 +102,20 @@ struct LogWriter::Impl {
   void declare(const Stream& stream);
   void end_session(Micros t_end_us, bool clean);
 };
+
+/// What the rules no longer want goes first: opening needs room on the disk.
+void LogWriter::Impl::open_newest() {
+  while (keeper.remove_one(parts, Keeper::When::as_usual)) {
+  }
+  try {
+    parts.open();
+  } catch (const SqliteError& error) {
+    if (!error.full() || !keeper.remove_one(parts, Keeper::When::disk_full)) {
+      throw;
+    }
+    parts.open();
+  }
+}
 
 void LogWriter::Impl::adopt(const PartHead& head) {
   for (const Robot& robot : head.robots) {
@@ -140,37 +129,12 @@ void LogWriter::Impl::adopt(const PartHead& head) {
     LastRow& last = earlier[{key.robot, key.source}];
     last = {std::max(last.session, key.session), std::max(last.t_us, count.last_us)};
     if (parts.has_current() && count.stored > 0) {
-      part_day = std::min(part_day.value_or(day_of(count.first_us)), day_of(count.first_us));
+      part_end.had(count.first_us);
     }
   }
   next_row = std::max(head.row.counted_to, head.ends.row) + 1;
   if (parts.has_current()) {
     hot.load(part().connection(), head.vocabulary);
-  }
-}
-
-/// What every part carries, so that it can be read alone.
-void LogWriter::Impl::write_head(Connection& connection) {
-  Statement robot(connection, insert_sql("robot", "OR REPLACE"));
-  Statement open_session(connection, insert_sql("session", "OR REPLACE"));
-  Statement stream_row(connection, insert_sql("stream", "OR REPLACE"));
-  Statement coverage(connection, insert_sql("coverage", "OR IGNORE"));
-  for (const auto& [id, known] : robots) {
-    store::write(robot, known);
-  }
-  if (session) {
-    store::write(open_session, *session);
-  }
-  for (const auto& [id, state] : streams) {
-    store::write(stream_row, state.row);
-    StreamCount count;  // of nothing yet, but a kill has to know when the stream was last heard
-    count.last_us = state.count.last_us;
-    store::write(coverage, {session->id, id.first, id.second}, count);
-  }
-  for (const auto& [id, last] : earlier) {
-    StreamCount count;
-    count.last_us = last.t_us;
-    store::write(coverage, {last.session, id.first, id.second}, count);
   }
 }
 
@@ -189,18 +153,12 @@ void LogWriter::Impl::next_part() {
     throw;
   }
   for (auto& [id, state] : streams) {
-    const Micros last_us = state.count.last_us;
-    state.count = StreamCount{};
-    state.count.last_us = last_us;
-    state.committed = state.count;
-    state.dirty = true;
-    state.unknown.clear();
-    state.forget_previous();
+    state.begin_part();
   }
   hot = HotLedger{};
+  repacker.drop();
   next_row = 1;
-  part_day.reset();
-  day_over = false;
+  part_end.restart();
   ++stats.parts;
 }
 
@@ -213,6 +171,7 @@ void LogWriter::Impl::write(Write rows) {
       if (lost) {
         write_lost();
       }
+      write_removed();
     }
     rows();
   } catch (const SqliteError&) {
@@ -238,37 +197,36 @@ void LogWriter::Impl::write_polls(StreamState& state, std::uint64_t next_seq, Wr
 void LogWriter::Impl::write_lost() {
   write_head(part().connection());
   for (auto& [id, state] : streams) {
-    if (state.next_seq > state.committed_seq) {
-      Gap gap;
-      gap.robot = id.first;
-      gap.source = id.second;
-      gap.session = session->id;
-      gap.seq_from = state.committed_seq;
-      gap.seq_count = state.next_seq - state.committed_seq;
-      gap.t_from_us = std::max(state.count.last_us, session->t_start_us);
-      gap.t_to_us = gap.t_from_us + static_cast<Micros>(gap.seq_count) * state.row.stream.period_us;
-      gap.cause = Cause::disk;
-      part().put(gap);
-      count_gap(state, gap);
-      stats.lost += gap.seq_count;
+    if (const std::optional<Gap> gap = session ? state.lost(id, *session) : std::nullopt) {
+      part().put(*gap);
+      state.add(*gap);
+      stats.lost += gap->seq_count;
     }
+  }
+}
+
+/// Parts that are gone: the log says so in the session that goes on.
+void LogWriter::Impl::write_removed() {
+  if (session) {
+    for (Event event : keeper.untold()) {
+      event.session = session->id;
+      part().put(event);
+    }
+    removed_told = true;
   }
 }
 
 void LogWriter::Impl::rolled_back() {
   part().rollback();
   lost = true;
+  removed_told = false;
   urgent = true;
   hot.roll_back();
   const std::uint64_t parts_opened = stats.parts;
   stats = committed_stats;
   stats.parts = parts_opened;
   for (auto& [id, state] : streams) {
-    state.count = state.committed;
-    state.tally = state.committed_tally;
-    state.dirty = true;
-    state.unknown.clear();
-    state.forget_previous();
+    state.roll_back();
   }
 }
 
@@ -281,33 +239,67 @@ void LogWriter::Impl::write_coverage() {
   part().set_counted_to(next_row - 1);
 }
 
-void LogWriter::Impl::commit() {
-  if (lost) {
+void LogWriter::Impl::commit_rows() {
+  if (lost || (session && !keeper.untold().empty())) {
     write([] {});  // what was lost belongs on record, and into this part, also when no poll follows
   }
-  if (part().in_transaction()) {
-    const auto start = std::chrono::steady_clock::now();
-    const bool coverage = urgent || since_coverage + 1 >= kCommitsPerCoverage || part_is_over();
-    write([&] {
-      if (coverage) {
-        write_coverage();
-      }
-      part().commit();
-    });
-    ++since_coverage;
-    if (coverage) {
-      coverage_written();
-    }
-    committed();
-    stats.last_commit = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start);
+  if (!part().in_transaction()) {
+    return;
   }
+  const auto start = std::chrono::steady_clock::now();
+  const bool coverage = urgent || since_coverage + 1 >= kCommitsPerCoverage || part_end.over(part().bytes());
+  write([&] {
+    if (coverage) {
+      write_coverage();
+    }
+    part().commit();
+  });
+  ++since_coverage;
+  if (coverage) {
+    coverage_written();
+  }
+  committed();
+  stats.last_commit = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start);
+}
+
+/// What follows is done when the rows are safe.
+void LogWriter::Impl::commit_all() {
+  commit_rows();
   checkpoint();
-  if (part_is_over()) {
+  const Deadline until = move_until();
+  if (part_end.over(part().bytes())) {
     next_part();
   } else {
-    move_due();
+    move_due(until);
+    prepare_next();
   }
-  parts.tidy(repacker, std::chrono::steady_clock::now() + kMoveBudget);
+  const bool room = parts.tidy(until, keeper.now());
+  if (keeper.remove_one(parts, room ? Keeper::When::as_usual : Keeper::When::disk_full)) {
+    commit_rows();
+  }
+}
+
+void LogWriter::Impl::commit() {
+  try {
+    commit_all();
+  } catch (const SqliteError& error) {
+    if (!error.full() || !keeper.remove_one(parts, Keeper::When::disk_full)) {
+      throw;
+    }
+    commit_all();
+  }
+}
+
+/// Where this fails, next_part() does all of it.
+void LogWriter::Impl::prepare_next() {
+  if (parts.prepared() || stats.commits < prepare_again_at || !part_end.near(part().bytes())) {
+    return;
+  }
+  try {
+    parts.prepare();
+  } catch (const Error&) {
+    prepare_again_at = stats.commits + kCommitsAfterFailure;
+  }
 }
 
 void LogWriter::Impl::coverage_written() {
@@ -316,63 +308,74 @@ void LogWriter::Impl::coverage_written() {
   std::for_each(streams.begin(), streams.end(), [](auto& entry) { entry.second.dirty = false; });
 }
 
+/// Until when rows may be moved now. By the time of the answers, so that a log that is made, not recorded, is packed in
+/// the same way.
+Deadline LogWriter::Impl::move_until() {
+  const Micros since_us = newest_us - std::exchange(committed_newest_us, newest_us);
+  return std::chrono::steady_clock::now() +
+         std::chrono::microseconds(std::clamp(since_us / kMoveShare, kLeastMoveUs, kMostMoveUs));
+}
+
 /// Moves the rows of streams that have enough of them. All rows are committed; where this fails, they stay hot and
 /// nothing is lost, so nobody has to be told before the next commit fails, too.
-void LogWriter::Impl::move_due() {
-  const auto until = std::chrono::steady_clock::now() + kMoveBudget;
-  bool time_left = options.blocks && stats.commits >= move_again_at;
-  while (const std::optional<StreamKey> key = time_left ? hot.due() : std::nullopt) {
-    try {
-      part().begin();
-      write_coverage();  // it counts hot rows, of which some are no more
-      repacker.move(part(), *key, hot.rows(*key));
-      part().commit();
-    } catch (const SqliteError&) {
-      part().rollback();
-      move_again_at = stats.commits + kCommitsAfterFailedMove;
+void LogWriter::Impl::move_due(Deadline until) {
+  if (!options.blocks || stats.commits < move_again_at) {
+    return;
+  }
+  if (!repacker.busy()) {
+    const std::vector<StreamKey> due = hot.due();
+    repacker.begin(hot, due);
+    for (const StreamKey& key : due) {
+      if (const auto open = streams.find({key.robot, key.source}); open != streams.end()) {
+        open->second.forget_previous();
+      }
+    }
+  }
+  try {
+    if (!repacker.busy() || !repacker.pack(part().connection(), until)) {
       return;
     }
-    coverage_written();
-    hot.forget(*key);
-    if (const auto open = streams.find({key->robot, key->source}); open != streams.end()) {
-      open->second.forget_previous();
-    }
-    time_left = std::chrono::steady_clock::now() < until;
+    part().begin();
+    write_coverage();  // it counts hot rows, of which some are no more
+    repacker.store(part());
+    part().commit();
+  } catch (const SqliteError&) {
+    part().rollback();
+    repacker.drop();
+    move_again_at = stats.commits + kCommitsAfterFailure;
+    return;
   }
+  coverage_written();
+  repacker.stored(hot);
 }
 
 void LogWriter::Impl::committed() {
   lost = false;
   ++stats.commits;
-  ++since_checkpoint;
   committed_stats = stats;
   hot.commit();
   for (auto& [id, state] : streams) {
-    state.committed = state.count;
-    state.committed_tally = state.tally;
-    state.committed_seq = state.next_seq;
+    state.commit();
+  }
+  if (std::exchange(removed_told, false)) {
+    keeper.told();
   }
 }
 
 void LogWriter::Impl::checkpoint() {
-  Connection& connection = part().connection();
-  if (since_checkpoint < kCommitsPerCheckpoint && connection.wal_pages() < kWalPagesPerCheckpoint) {
+  if (part().wal_bytes() < options.wal_bytes) {
     return;
   }
-  since_checkpoint = 0;
-  const bool complete = connection.checkpoint_passive();
+  const bool complete = part().connection().checkpoint_passive();
   // A reader that stays for hours must not make the WAL grow without end: the next part has a WAL of its own.
-  day_over = day_over || (!complete && connection.wal_pages() >= kWalPagesPinned);
+  if (!complete && part().wal_bytes() >= kPinned * options.wal_bytes) {
+    part_end.demand();
+  }
 }
 
-bool LogWriter::Impl::part_is_over() { return part_day && (day_over || part().bytes() >= options.part_bytes); }
-
-/// A row of the next UTC day, or one from more than a day back after the clock was set, belongs into a new part. Rows
-/// from just before midnight that arrive late do not.
 void LogWriter::Impl::turn_day(Micros t_us) {
-  const Micros day = day_of(t_us);
-  if (part_day && options.part_per_day && (day > *part_day || day < *part_day - 1)) {
-    day_over = true;
+  if (part_end.excludes(t_us)) {
+    part_end.demand();
     commit();
   }
 }
@@ -395,12 +398,14 @@ void LogWriter::Impl::insert(StreamState& state, const Answer& answer) {
   row.header = answer.header;
   row.body = stored.bytes;
   part().put(row);
-  part_day = part_day.value_or(day_of(answer.meta.t_send_us));
+  part_end.add(answer.meta.t_send_us);
+  newest_us = answer.meta.t_send_us;
   ++next_row;
   state.previous = answer.body;
   state.previous_id = row.id;
   state.deltas = stored.needs_base ? state.deltas + 1 : 0;
-  hot.add({answer.meta.session, answer.meta.robot, answer.meta.source}, row.id, answer.meta.t_send_us, row.length);
+  hot.add({answer.meta.session, answer.meta.robot, answer.meta.source}, row.id, answer.meta.t_send_us, row.length,
+          row.body.size());
   state.count.add(answer.meta, row.length);
   ++state.tally.stored;
   state.dirty = true;
@@ -409,7 +414,6 @@ void LogWriter::Impl::insert(StreamState& state, const Answer& answer) {
   stats.stored_bytes += stored.bytes.size() + answer.header.size();
 }
 
-/// The interesting part of declare(): polls that were never planned because nobody recorded.
 void LogWriter::Impl::declare(const Stream& declared) {
   assert(session && declared.session == session->id);
   StreamState& state = streams[{declared.robot, declared.source}];
@@ -454,21 +458,21 @@ void LogWriter::Impl::end_session(Micros t_end_us, bool clean) {
   session.reset();
 }
 
-LogWriter::LogWriter(const fs::path& folder, WriterOptions options) : impl_(std::make_unique<Impl>(folder, options)) {}
+LogWriter::LogWriter(const fs::path& folder, WriterOptions options)
+    : impl_(std::make_unique<Impl>(folder, std::move(options))) {}
 
 LogWriter::~LogWriter() {
   try {
     impl_->urgent = true;
     impl_->commit();
     impl_->parts.close(impl_->options.blocks ? impl_->hot : HotLedger{});
-    impl_->parts.tidy(impl_->repacker, kNoDeadline);
+    impl_->parts.tidy(kNoDeadline, impl_->keeper.now());
   } catch (const Error&) {
     // What was committed is safe; the next opening closes the part.
   }
 }
 
 SessionId LogWriter::begin_session(const Session& session) {
-  assert(!impl_->session);
   impl_->turn_day(session.t_start_us);
   impl_->session = session;
   impl_->session->id = impl_->next_session++;
@@ -482,10 +486,8 @@ SessionId LogWriter::begin_session(const Session& session) {
 void LogWriter::end_session(Micros t_end_us, bool clean) { impl_->end_session(t_end_us, clean); }
 
 RobotId LogWriter::robot(const std::string& name, const std::string& address) {
-  auto& robots = impl_->robots;
-  const auto found = std::find_if(robots.begin(), robots.end(), [&](const auto& r) { return r.second.name == name; });
-  const RobotId id = found != robots.end() ? found->first : robots.empty() ? 1 : robots.rbegin()->first + 1;
-  Robot& robot = robots[id];
+  const RobotId id = impl_->id_of(name);
+  Robot& robot = impl_->robots[id];
   if (robot.id == id && robot.address == address) {
     return id;
   }
@@ -497,17 +499,11 @@ RobotId LogWriter::robot(const std::string& name, const std::string& address) {
 }
 
 void LogWriter::identify(RobotId id, const Robot& identity) {
-  Robot& robot = impl_->robots.at(id);
-  const auto take = [](std::string& known, const std::string& told) { known = told.empty() ? known : told; };
-  take(robot.vehicle_id, identity.vehicle_id);
-  take(robot.mac, identity.mac);
-  take(robot.model_md5, identity.model_md5);
-  take(robot.firmware, identity.firmware);
+  const Robot& robot = impl_->learn(id, identity);
   impl_->write([&] { impl_->part().put(robot); });
 }
 
 void LogWriter::declare(const Stream& stream) { impl_->declare(stream); }
-
 void LogWriter::restore(const Robot& robot) {
   impl_->robots[robot.id] = robot;
   impl_->write([&] { impl_->part().put(robot); });
@@ -572,7 +568,7 @@ void LogWriter::add(const Gap& gap) {
   impl_->write_polls(state, missed ? gap.seq_from + gap.seq_count : 0, [&] {
     impl_->write([&] {
       impl_->part().put(gap);
-      count_gap(state, gap);
+      state.add(gap);
     });
   });
 }
@@ -582,12 +578,15 @@ void LogWriter::add(const Event& event) {
 }
 
 void LogWriter::add(const ClockPoint& point) {
+  impl_->keeper.see(point);
   impl_->write([&] { impl_->part().put(point); });
 }
 
 void LogWriter::commit() { impl_->commit(); }
 
 const LogWriter::Stats& LogWriter::stats() const { return impl_->stats; }
+
+Forecast LogWriter::forecast() const { return impl_->keeper.forecast(impl_->parts.folder()); }
 
 LogWriter::Tally LogWriter::tally(RobotId robot, Source source) const {
   if (const auto open = impl_->streams.find({robot, source}); open != impl_->streams.end()) {

@@ -21,6 +21,7 @@
 #include "schema/row_source.hpp"
 #include "schema/sample.hpp"
 #include "schema/store/decode.hpp"
+#include "schema/store/keeper.hpp"
 
 namespace tacho::store {
 
@@ -29,9 +30,11 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
   int zstd_level = 3;
-  bool blocks = true;   ///< false: rows stay hot, as in a part that a kill left; only tests want that
-  bool durable = true;  ///< synchronous FULL; false only for generated logs that can be made again
-  Decode decode = {};   ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
+  std::uint64_t wal_bytes = 32u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
+  bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
+  bool durable = true;                  ///< synchronous FULL; false only for generated logs that can be made again
+  Decode decode = {};        ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
+  Retention retention = {};  ///< by default nothing is removed
 };
 
 class LogWriter {
@@ -74,7 +77,9 @@ class LogWriter {
   void add(const Event& event);
   void add(const ClockPoint& point);
 
-  /// Makes everything so far durable; switches to the next part when one is due.
+  /// Makes everything so far durable; switches to the next part when one is due; removes a part when the rules of
+  /// retention say so. When the disk is full, the oldest part makes room where the rules allow that; what was lost
+  /// meanwhile is in gap rows then.
   void commit();
 
   struct Stats {
@@ -87,6 +92,8 @@ class LogWriter {
     std::chrono::microseconds last_commit{0};
   };
   [[nodiscard]] const Stats& stats() const;
+  /// How long the disk will do; reads the head of every part. Throws Error.
+  [[nodiscard]] Forecast forecast() const;
 
   /// What the session's rows of one stream say: stored + sum(missed) is every poll that left a trace.
   struct Tally {

@@ -4,9 +4,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "schema/sample.hpp"
 #include "schema/store/sqlite.hpp"
 
 namespace tacho::store {
@@ -18,6 +20,7 @@ struct PartRow {
   std::string software;
   bool closed = false;
   std::int64_t counted_to = 0;
+  std::optional<Micros> ended_us;  ///< when it was closed, by a clock known to be right
 };
 PartRow read_part_row(Connection& connection);
 
@@ -35,11 +38,12 @@ std::filesystem::path part_path(const std::filesystem::path& folder, std::uint32
 /// What was created in, renamed in or removed from a folder is durable once the folder itself is on disk. Throws Error.
 void sync_folder(const std::filesystem::path& folder);
 
-/// Creates the file with all tables, the vocabulary, the part row and what `fill` writes. It is made under a hidden
-/// name and renamed when it is complete and on disk, so that a part in the folder always has its head.
-std::filesystem::path create_part(const std::filesystem::path& folder, const PartRow& row,
-                                  const std::function<void(Connection&)>& fill);
-/// Removes what a kill inside create_part left behind. The folder must be locked.
+/// Creates a part under a hidden name, with all tables, the vocabulary and the part row, and syncs it.
+std::filesystem::path prepare_part(const std::filesystem::path& folder, const PartRow& row);
+/// Adds what `fill` writes to a prepared part and gives it its name once that is on disk, so that a part in the folder
+/// always has its head.
+std::filesystem::path finish_part(const std::filesystem::path& prepared, const std::function<void(Connection&)>& fill);
+/// Removes what a kill left behind: prepared parts, and files beside parts that are gone. The folder must be locked.
 void remove_unfinished_parts(const std::filesystem::path& folder);
 
 /// WAL, own checkpoints; `durable` = synchronous FULL, else OFF.
@@ -49,7 +53,8 @@ Connection open_part_for_writing(const std::filesystem::path& path, bool durable
 void reopen_part(Connection& connection);
 
 /// Marks the part closed, seals it (seal.hpp), checkpoints it and leaves journal_mode DELETE, so that it can be read
-/// from a read-only folder. False when a reader is in the way: try again later.
-bool close_part(Connection& connection);
+/// from a read-only folder. `now_us`: the wall clock when it is known to be right. False when a reader is in the way:
+/// try again later.
+bool close_part(Connection& connection, std::optional<Micros> now_us);
 
 }  // namespace tacho::store

@@ -1,6 +1,7 @@
 #include "schema/store/part_sequence.hpp"
 
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 #include "schema/store/part_reader.hpp"
@@ -53,8 +54,8 @@ const fs::path& made(const fs::path& folder) {
 
 }  // namespace
 
-PartSequence::PartSequence(const fs::path& folder, bool durable)
-    : folder_(made(folder)), durable_(durable), lock_(folder) {
+PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level, Decode decode)
+    : folder_(made(folder)), durable_(durable), zstd_level_(zstd_level), decode_(std::move(decode)), lock_(folder) {
   remove_unfinished_parts(folder_);
   const std::vector<PartFile> files = list_parts(folder_);
   find_newest(files);
@@ -62,17 +63,73 @@ PartSequence::PartSequence(const fs::path& folder, bool durable)
   if (log_.empty()) {
     log_ = found_ ? found_->row.log : random_log_id();
   }
-  if (found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path) {
-    current_ = std::make_unique<PartWriter>(found_->path, durable_);
-    reopen_part(current_->connection());
-    end_killed_sessions(*current_, *found_);
-  }
+  continues_ =
+      found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path;
   for (const PartFile& file : files) {
     std::error_code unknown;
-    if (!(current_ && file.path == found_->path) && fs::exists(file.path.string() + "-wal", unknown)) {
-      left_.push_back({file.path, std::nullopt, false, {}});
+    if (continues_ && file.path == found_->path) {
+      continue;
+    }
+    if (fs::exists(file.path.string() + "-wal", unknown)) {
+      left_.push_back({file, std::nullopt, false, nullptr, {}});
+    } else {
+      keep(file);
     }
   }
+}
+
+PartSequence::~PartSequence() {
+  std::error_code ignored;  // the next start removes it, too
+  if (prepared()) {
+    fs::remove(prepared_, ignored);
+  }
+}
+
+void PartSequence::open() {
+  if (continues_) {
+    auto part = std::make_unique<PartWriter>(found_->path, durable_);
+    reopen_part(part->connection());
+    end_killed_sessions(*part, *found_);
+    current_ = std::move(part);
+    current_number_ = number_;
+  }
+}
+
+/// Nothing is left to be done for this part.
+void PartSequence::keep(const PartFile& file) {
+  if (std::optional<KeptPart> part = read_kept_part(file, log_)) {
+    part->closed = true;
+    const auto place = std::find_if(closed_.begin(), closed_.end(),
+                                    [&](const KeptPart& other) { return other.number > part->number; });
+    closed_.insert(place, std::move(*part));
+  }
+}
+
+std::vector<KeptPart> PartSequence::parts() {
+  std::vector<KeptPart> all = closed_;
+  const auto add = [&](std::uint32_t number, const fs::path& path) {
+    KeptPart part;
+    part.number = number;
+    part.path = path;
+    part.bytes = part_file_bytes(path);
+    all.push_back(std::move(part));
+  };
+  for (const Left& left : left_) {
+    add(left.file.number, left.file.path);
+  }
+  if (current_) {
+    add(current_number_, current_->connection().path());
+  } else if (continues_) {
+    add(number_, found_->path);
+  }
+  std::sort(all.begin(), all.end(), [](const KeptPart& a, const KeptPart& b) { return a.number < b.number; });
+  return all;
+}
+
+void PartSequence::remove_oldest() {
+  assert(!closed_.empty());
+  remove_part(closed_.front().path);
+  closed_.erase(closed_.begin());
 }
 
 void PartSequence::find_newest(const std::vector<PartFile>& files) {
@@ -93,50 +150,101 @@ void PartSequence::find_newest(const std::vector<PartFile>& files) {
   }
 }
 
+PartRow PartSequence::next_row() const { return {log_, number_ + 1, "tachograph " TACHO_VERSION, false, 0, {}}; }
+
+void PartSequence::prepare() {
+  if (!prepared()) {
+    prepared_ = prepare_part(folder_, next_row());
+  }
+}
+
 void PartSequence::next(const Fill& fill, const HotLedger& hot) {
-  const PartRow row{log_, number_ + 1, "tachograph " TACHO_VERSION, false, 0};
-  auto part = std::make_unique<PartWriter>(create_part(folder_, row, fill), durable_);
+  fs::path path;
+  try {
+    prepare();
+    path = finish_part(prepared_, fill);
+  } catch (const Error&) {
+    // Whatever became of the prepared one, a fresh one may do.
+    prepared_.clear();
+    prepare();
+    path = finish_part(prepared_, fill);
+  }
+  prepared_.clear();
   ++number_;
+  auto part = std::make_unique<PartWriter>(path, durable_);
   close(hot);
   current_ = std::move(part);
+  current_number_ = number_;
 }
 
 void PartSequence::close(const HotLedger& hot) {
   if (current_) {
-    left_.push_back({current_->connection().path(), hot, false, {}});
+    left_.push_back({{current_number_, current_->connection().path()}, hot, false, nullptr, {}});
     current_.reset();
   }
 }
 
-void PartSequence::tidy(Repacker& repacker, Deadline until) {
-  std::erase_if(left_, [&](Left& left) { return finish(left, repacker, until); });
+bool PartSequence::tidy(Deadline until, std::optional<Micros> now_us) {
+  disk_full_ = false;
+  for (auto left = left_.begin(); left != left_.end();) {
+    if (finish(*left, until, now_us)) {
+      keep(left->file);
+      left = left_.erase(left);
+    } else {
+      ++left;
+    }
+  }
+  return !disk_full_;
+}
+
+/// True when all rows of the part are in blocks.
+bool PartSequence::move_all(PartWriter& part, Left& left, Deadline until) const {
+  if (!left.hot) {
+    left.hot = all_hot_rows(part.connection());
+  }
+  if (!left.repacker) {
+    left.repacker = std::make_unique<Repacker>(zstd_level_, decode_);
+    left.repacker->begin(*left.hot, left.hot->all());
+  }
+  while (left.repacker->busy()) {
+    if (!left.repacker->pack(part.connection(), until)) {
+      return false;
+    }
+    part.begin();
+    left.repacker->store(part);
+    part.commit();
+    left.repacker->stored(*left.hot);
+  }
+  return true;
 }
 
 /// True when nothing is left to do for the part.
-bool PartSequence::finish(Left& left, Repacker& repacker, Deadline until) {
+bool PartSequence::finish(Left& left, Deadline until, std::optional<Micros> now_us) {
   const auto now = std::chrono::steady_clock::now();
   if (now >= until || (until != kNoDeadline && now < left.not_before)) {
     return false;
   }
   try {
-    PartWriter part(left.path, durable_);
+    PartWriter part(left.file.path, durable_);
     part.connection().set_busy_timeout(0);  // recording never waits for a reader
     if (!left.counted) {
       count_hot_rows(part);
       left.counted = true;
     }
-    if (!left.hot) {
-      left.hot = all_hot_rows(part.connection());
-    }
-    if (!move_all(part, *left.hot, repacker, until)) {
+    if (!move_all(part, left, until)) {
       return false;
     }
-    if (close_part(part.connection())) {
+    if (close_part(part.connection(), now_us)) {
       return true;
     }
   } catch (const SqliteError& error) {
+    left.repacker.reset();
     if (error.damaged()) {
       return true;  // a damaged part stays as it is
+    }
+    if (error.full()) {
+      disk_full_ = true;
+      return false;
     }
   }
   left.not_before = now + kClosingPause;

@@ -39,6 +39,10 @@ class PartWriter {
 
   /// Bytes of the database with what is still in the WAL.
   std::uint64_t bytes();
+  /// Bytes of the WAL that are not in the database yet, after the last commit.
+  [[nodiscard]] std::uint64_t wal_bytes() const {
+    return static_cast<std::uint64_t>(connection_.wal_pages()) * page_size_;
+  }
   Connection& connection() { return connection_; }
 
  private:

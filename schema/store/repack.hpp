@@ -4,8 +4,8 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -13,31 +13,39 @@
 #include "schema/store/coverage.hpp"
 #include "schema/store/decode.hpp"
 #include "schema/store/part_writer.hpp"
+#include "schema/store/rollup.hpp"
 
 namespace tacho::store {
 
 /// Which rows of a part are hot, by stream, oldest first. Follows the writer's transactions.
 class HotLedger {
  public:
-  void add(const StreamKey& key, std::int64_t id, Micros t_us, std::uint64_t bytes);
+  /// `bytes` of the body as received, `stored` in the part.
+  void add(const StreamKey& key, std::int64_t id, Micros t_us, std::uint64_t bytes, std::uint64_t stored);
   void commit();
   void roll_back();
   /// Rows a part already has.
   void load(Connection& connection, const Vocabulary& vocabulary);
 
-  /// A stream that has enough rows for a good block; of several the one with most.
-  [[nodiscard]] std::optional<StreamKey> due() const;
-  /// Any stream with rows.
-  [[nodiscard]] std::optional<StreamKey> any() const;
+  /// Streams whose rows are to move together. None until one has enough for a good block, or all together take too much
+  /// room; then every stream for which a block is worth while.
+  [[nodiscard]] std::vector<StreamKey> due() const;
+  /// All streams with rows.
+  [[nodiscard]] std::vector<StreamKey> all() const;
   [[nodiscard]] std::span<const std::int64_t> rows(const StreamKey& key) const;
-  void forget(const StreamKey& key) { streams_.erase(key); }
+  /// The oldest rows of a stream have moved.
+  void forget(const StreamKey& key, std::size_t rows);
   [[nodiscard]] bool empty() const { return streams_.empty(); }
+  /// Bodies of all rows as they are in the part; about, once some have moved.
+  [[nodiscard]] std::uint64_t stored() const;
 
   // A block of fewer rows costs more per answer, one of more saves little (see README) and takes longer to make.
   static constexpr std::size_t kGoodRows = 600;
   static constexpr Micros kGoodSpanUs = 1'800'000'000;
+  static constexpr std::size_t kWorthwhileRows = 150;
   static constexpr std::size_t kMostRows = 16384;
-  static constexpr std::uint64_t kMostBytes = 16u << 20;  ///< of bodies; they are all in memory while a block is made
+  static constexpr std::uint64_t kMostBytes = 16u << 20;   ///< of bodies; they are all in memory while a block is made
+  static constexpr std::uint64_t kMostStored = 16u << 20;  ///< of all streams: what moves together is in memory, packed
 
  private:
   struct Rows {
@@ -46,29 +54,67 @@ class HotLedger {
     Micros first_us = 0;
     Micros last_us = 0;
     std::uint64_t bytes = 0;
+    std::uint64_t stored = 0;
   };
   std::map<StreamKey, Rows> streams_;
-};
-
-/// Makes blocks, and with `decode` one-minute rollups of what is in them. Memory: the bodies of one block. One thread.
-class Repacker {
- public:
-  Repacker(int zstd_level, Decode decode) : level_(zstd_level), decode_(std::move(decode)) {}
-
-  /// Moves `ids`, all hot rows of one stream, into blocks and deletes them, inside the open transaction. Rows that are
-  /// damaged stay where they are. Throws SqliteError.
-  void move(PartWriter& part, const StreamKey& key, std::span<const std::int64_t> ids);
-
- private:
-  int level_;
-  Decode decode_;
 };
 
 using Deadline = std::chrono::steady_clock::time_point;
 inline constexpr Deadline kNoDeadline = Deadline::max();
 
-/// Moves hot rows of a part that is no longer written, stream by stream in transactions of their own, until `until` has
-/// passed. True when none are left.
-bool move_all(PartWriter& part, HotLedger& ledger, Repacker& repacker, Deadline until);
+/// Moves hot rows into blocks: the rows of many streams at once, because they share pages. A page all of whose rows go
+/// in one transaction is freed; one that loses the rows of one stream after the other is written again each time.
+/// Making the blocks takes seconds when there are many robots, so it is done in portions, in memory; only store() needs
+/// a transaction. Every answer is in exactly one tier at any moment.
+///
+/// begin() -> pack() until it is true -> store() and commit -> stored(); again from pack() while busy(). No row that is
+/// written after begin() may be based on a row from before.
+///
+/// Memory: the bodies of one block, kMostPacked of blocks, the ids of the rows. One thread.
+class Repacker {
+ public:
+  /// With `decode`, one-minute rollups of what is in the blocks are made, too.
+  Repacker(int zstd_level, Decode decode) : level_(zstd_level), decode_(std::move(decode)) {}
+
+  /// Takes the rows these streams have now.
+  void begin(const HotLedger& hot, const std::vector<StreamKey>& streams);
+  [[nodiscard]] bool busy() const { return !waiting_.empty() || !packed_.empty(); }
+  /// Makes the blocks of one stream, and of more until `until` has passed. True when store() is to follow. Throws
+  /// SqliteError.
+  bool pack(Connection& connection, Deadline until);
+  /// Writes the blocks and deletes their rows, inside the open transaction. Rows that are damaged stay where they are.
+  /// Throws SqliteError.
+  void store(PartWriter& part) const;
+  /// The transaction of store() is committed.
+  void stored(HotLedger& hot);
+  /// Whatever was begun is not done.
+  void drop();
+
+ private:
+  struct Block {
+    BlockRow row;
+    std::string data;
+  };
+  struct Packed {
+    StreamKey key;
+    std::size_t rows = 0;  ///< of the ledger, damaged ones too
+    std::vector<std::int64_t> ids;
+    std::vector<Block> blocks;
+    Rollups rollups;
+  };
+  struct Waiting {
+    StreamKey key;
+    std::vector<std::int64_t> ids;
+  };
+  static constexpr std::uint64_t kMostPacked = 32u << 20;
+
+  int level_;
+  Decode decode_;
+  std::vector<Waiting> waiting_;  // last first
+  std::vector<Packed> packed_;
+  std::uint64_t packed_bytes_ = 0;
+
+  [[nodiscard]] Packed pack(Connection& connection, const Vocabulary& vocabulary, const Waiting& rows) const;
+};
 
 }  // namespace tacho::store

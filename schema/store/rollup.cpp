@@ -94,18 +94,21 @@ void RollupMaker::add(const Answer& answer) {
   }
 }
 
-void RollupMaker::write(Connection& connection) const {
+void Rollups::write(Connection& connection) const {
+  if (rows.empty()) {
+    return;
+  }
   const Vocabulary vocabulary = read_vocabulary(connection);
   Statement known(connection,
                   select_sql("rollup") + " WHERE robot = ?1 AND source = ?2 AND minute = ?3 AND field = ?4");
   Statement replace(connection, insert_sql("rollup", "OR REPLACE"));
-  const auto source = static_cast<std::int64_t>(stream_.source);
-  for (const auto& [key, row] : rows_) {
+  const auto number_of_source = static_cast<std::int64_t>(source);
+  for (const auto& [key, row] : rows) {
     const std::optional<std::int64_t> number = number_of(vocabulary, key.second);
     if (!number) {
       continue;
     }
-    known.query(row.robot, source, row.minute, *number);
+    known.query(row.robot, number_of_source, row.minute, *number);
     std::optional<Rollup> sum = row;
     if (known.step()) {
       sum = read_rollup(known, vocabulary);
@@ -115,7 +118,7 @@ void RollupMaker::write(Connection& connection) const {
     }
     known.reset();
     if (sum) {
-      store::write(replace, *sum, source, *number);
+      store::write(replace, *sum, number_of_source, *number);
     }
   }
 }

@@ -19,6 +19,16 @@ namespace tacho::store {
 /// What is rolled up: quantities that are plotted over months.
 const FieldSet& rollup_fields();
 
+/// Of one stream, by minute and field.
+struct Rollups {
+  Source source = Source::status;
+  std::map<std::pair<std::int64_t, FieldIndex>, Rollup> rows;
+
+  /// Adds to the rows that are there: a minute may have begun in an earlier block. Rows that are damaged stay as they
+  /// are, so that whoever reads them is told.
+  void write(Connection& connection) const;
+};
+
 /// Sums up answers of one stream. One thread; `decode` must outlive it.
 class RollupMaker {
  public:
@@ -27,9 +37,8 @@ class RollupMaker {
       : decode_(&decode), stream_(stream), wanted_(wanted) {}
 
   void add(const Answer& answer);
-  /// Adds to the rows that are there: a minute may have begun in an earlier block. Rows that are damaged stay as they
-  /// are, so that whoever reads them is told.
-  void write(Connection& connection) const;
+  /// What was added so far.
+  [[nodiscard]] Rollups take() { return {stream_.source, std::move(rows_)}; }
 
  private:
   const Decode* decode_;

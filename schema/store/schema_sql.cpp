@@ -49,6 +49,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"part", "software",   "TEXT NOT NULL",    "what created the part"},
   {"part", "closed",     "INTEGER NOT NULL", "1: complete and checkpointed"},
   {"part", "counted_to", "INTEGER NOT NULL", "hot.id up to which the coverage rows count; all of every block"},
+  {"part", "ended_us",   "INTEGER",          "when it was closed by a clock known to be right, UTC microseconds; NULL: not known"},
 
   {"robot", "id",         "INTEGER PRIMARY KEY", "the same in all parts"},
   {"robot", "name",       "TEXT NOT NULL UNIQUE","the user's name for it"},

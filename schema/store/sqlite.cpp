@@ -74,6 +74,7 @@ int remember_wal_pages(void* target, sqlite3*, const char*, int pages) {
 
 bool SqliteError::damaged() const { return (code_ & 0xFF) == SQLITE_CORRUPT || (code_ & 0xFF) == SQLITE_NOTADB; }
 bool SqliteError::foreign() const { return (code_ & 0xFF) == SQLITE_NOTADB; }
+bool SqliteError::full() const { return (code_ & 0xFF) == SQLITE_FULL || code_ == SQLITE_IOERR_SHMSIZE; }
 bool SqliteError::busy() const { return (code_ & 0xFF) == SQLITE_BUSY || (code_ & 0xFF) == SQLITE_LOCKED; }
 bool SqliteError::cannot_open() const { return (code_ & 0xFF) == SQLITE_CANTOPEN || (code_ & 0xFF) == SQLITE_READONLY; }
 

@@ -26,6 +26,8 @@ class SqliteError : public Error {
   [[nodiscard]] bool damaged() const;
   /// The file is no SQLite database at all.
   [[nodiscard]] bool foreign() const;
+  /// No space is left on the disk.
+  [[nodiscard]] bool full() const;
   /// Another connection is in the way.
   [[nodiscard]] bool busy() const;
   /// The file or a file beside it cannot be opened or created.

@@ -84,6 +84,7 @@ TEST_CASE("what is written out is read back as the same configuration") {
   config.defaults.status.request.keys = {"x", "quote\"d"};
   config.defaults.status.request.language = "zh";
   config.defaults.status.request.return_mid360 = true;
+  config.retention = {90 * 86'400'000'000, std::uint64_t{20} << 30, 0};
   apply(o, config);
   config.robots[1].settings.modbus.unit = 9;
   config.robots[1].settings.modbus.spacing_us = 0;
@@ -95,6 +96,9 @@ TEST_CASE("what is written out is read back as the same configuration") {
   CHECK(again.robots[0].settings.period(Source::inputs) == 0);
   CHECK(again.robots[0].settings.status.request.keys[1] == "quote\"d");
   CHECK(again.part_bytes == config.part_bytes);
+  CHECK(again.retention.age_us == 90 * 86'400'000'000);
+  CHECK(again.retention.size_bytes == std::uint64_t{20} << 30);
+  CHECK(again.retention.reserve_bytes == 0);
 }
 
 TEST_CASE("a mistake in the file is answered with its line and what was meant") {
@@ -113,8 +117,24 @@ TEST_CASE("a mistake in the file is answered with its line and what was meant") 
   CHECK(has(error_of("[robot]\nname = 'a'\n"), "write [[robot]] with two brackets"));
   CHECK(has(error_of("\n\n[[robot]]\nname = 'a'\n"), "site.toml:3: a robot without host"));
   CHECK(has(error_of("part_size = '1KB'\n"), "is no size"));
+  CHECK(has(error_of("[retention]\naeg = '90d'\n"), "unknown key 'aeg' in [retention]; did you mean 'age'"));
+  CHECK(has(error_of("[retention]\nage = '5min'\n"), "[retention] age: 5min is out of range"));
+  CHECK(has(error_of("[retention]\nsize = 'much'\n"), "[retention] size: 'much' is no size"));
+  CHECK(has(error_of("[retention]\nreserve = 1\n"), "[retention] reserve: a text was expected"));
   CHECK(has(error_of("log = 'x'\nlog = 'y'\n"), "site.toml:2:"));
   CHECK(has(error_of("robot = 3\n"), "site.toml:1:"));
+}
+
+TEST_CASE("a gigabyte of the disk is kept free, and nothing else removes parts, unless the file says so") {
+  const Config usual = parse_config(kRobot, "site.toml");
+  CHECK(usual.retention.reserve_bytes == std::uint64_t{1} << 30);
+  CHECK(usual.retention.age_us == 0);
+  CHECK(usual.retention.size_bytes == 0);
+  const Config config = parse_config("[retention]\nage='30d'\nsize='600MB'\nreserve='off'\n" + kRobot, "site.toml");
+  CHECK(config.retention.age_us == 30 * 86'400'000'000);
+  CHECK(config.retention.size_bytes == std::uint64_t{600} << 20);
+  CHECK(config.retention.reserve_bytes == 0);
+  CHECK_NOTHROW(validate(config));
 }
 
 TEST_CASE("timeout, the parameter that raises an alarm on the robot, cannot be asked for by name") {
@@ -129,6 +149,7 @@ TEST_CASE("settings that cannot work together are refused") {
   CHECK(has(error_of("[sources]\nstatus='off'\nregisters='off'\ninputs='off'\n" + kRobot), "every source is off"));
   CHECK(has(error_of("[sources]\nstatus='100ms'\nio='10Hz'\n" + kRobot), "more often than the spacing"));
   CHECK(error_of("[sources]\nstatus='200ms'\nio='5Hz'\n" + kRobot).empty());
+  CHECK(has(error_of("[retention]\nsize='300MB'\n" + kRobot), "less than two parts of 256.0 MB"));
 }
 
 TEST_CASE("flags take durations and rates, choose sources, and name their mistakes") {

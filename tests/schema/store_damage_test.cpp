@@ -15,7 +15,7 @@ namespace {
 /// Three parts of some 300 rows each; returns the number of rows.
 std::uint64_t write_parts(const fs::path& folder) {
   store::WriterOptions options;
-  options.part_bytes = 150'000;
+  options.part_bytes = 107'000;
   options.keyframe_every = 10;
   options.blocks = false;
   options.durable = false;
@@ -206,11 +206,18 @@ TEST_CASE("a zeroed page in the middle costs its rows and their deltas only") {
     rows = recording.next;
   }
   const fs::path part = part_files(dir.path())[0];
-  const std::uint64_t pages = fs::file_size(part) / 4096;
   {
+    // A leaf of a table, from three quarters of the file on: a page above it would cost all leaves below it.
+    constexpr std::uint64_t kPage = 1024;
+    constexpr int kLeaf = 0x0D;
     std::fstream file(part, std::ios::in | std::ios::out | std::ios::binary);
-    file.seekp(static_cast<std::streamoff>((pages - pages / 4) * 4096));
-    file << std::string(4096, '\0');
+    std::uint64_t at = fs::file_size(part) / kPage * 3 / 4 * kPage;
+    for (file.seekg(static_cast<std::streamoff>(at)); file.peek() != kLeaf;) {
+      at += kPage;
+      file.seekg(static_cast<std::streamoff>(at));
+    }
+    file.seekp(static_cast<std::streamoff>(at));
+    file << std::string(kPage, '\0');
   }
   store::LogReader log = open_reader(dir.path());
   const std::uint64_t found = check_honest(log);

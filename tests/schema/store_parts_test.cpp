@@ -21,7 +21,7 @@ namespace {
 
 store::WriterOptions small_parts() {
   store::WriterOptions options;
-  options.part_bytes = 120'000;  // an empty part has 106 496
+  options.part_bytes = 77'000;  // an empty part has 63 488
   options.durable = false;
   return options;
 }
@@ -334,7 +334,7 @@ TEST_CASE("a part says what it is made of: pragmas, field table, code lists") {
   const fs::path part = part_files(dir.path())[0];
   CHECK(sql_text(part, "PRAGMA application_id") == std::to_string(store::kApplicationId));
   CHECK(sql_text(part, "PRAGMA user_version") == std::to_string(store::kSchemaVersion));
-  CHECK(sql_text(part, "PRAGMA page_size") == "4096");
+  CHECK(sql_text(part, "PRAGMA page_size") == "1024");
   CHECK(sql_text(part, "SELECT count(*) FROM field") == std::to_string(kFieldCount));
   CHECK(sql_text(part, "SELECT unit FROM field WHERE name = 'battery_temp'") ==
         std::string(field_at(field("battery_temp")).unit));
@@ -395,7 +395,7 @@ TEST_CASE("a failing disk loses what was not committed, and says so in gap rows"
 TEST_CASE("a log is read while it is written, and the writer never waits") {
   TempDir dir;
   store::WriterOptions options = small_parts();
-  options.part_bytes = 150'000;
+  options.part_bytes = 107'000;
   Recording recording(dir.path(), options);
   recording.polls(10);
   recording.writer.commit();

@@ -183,7 +183,7 @@ TEST_CASE("what was seen, had a value, was undecodable or unknown is exact after
 TEST_CASE("a kill between two parts loses nothing") {
   TempDir dir;
   store::WriterOptions options;
-  options.part_bytes = 120'000;
+  options.part_bytes = 77'000;
   Recording recording(dir / "log", options);
   std::size_t parts = 1;
   int copies = 0;

@@ -57,7 +57,8 @@ struct Ledger {
 
 inline store::WriterOptions workload_options() {
   store::WriterOptions options;
-  options.part_bytes = 124'000;  // an empty part has some 107 000
+  options.part_bytes = 80'000;  // an empty part has some 63 500
+  options.wal_bytes = 64'000;   // several checkpoints in a part
   options.keyframe_every = 10;
   return options;
 }

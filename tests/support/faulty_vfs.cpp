@@ -85,6 +85,7 @@ struct FaultyDisk::Impl {
   std::uint64_t calls = 0;
   std::optional<Fault> fault;
   bool struck = false;
+  std::optional<std::uint64_t> capacity;
   sqlite3_vfs vfs{};
   sqlite3_vfs* real = nullptr;
 
@@ -94,6 +95,7 @@ struct FaultyDisk::Impl {
   void remove(const std::string& name);
   void folder_synced();
   bool fails(Call call);
+  [[nodiscard]] std::uint64_t used() const;
   [[nodiscard]] int fault_errno() const { return fault->kind == FaultKind::io_error ? EIO : ENOSPC; }
 };
 
@@ -141,6 +143,12 @@ int shim_write(sqlite3_file* file, const void* from, int size, sqlite3_int64 off
       write_part(file, *state, bytes, offset);
     }
     return g_disk->fault->kind == FaultKind::io_error ? SQLITE_IOERR_WRITE : SQLITE_FULL;
+  }
+  sqlite3_int64 end = 0;
+  real(file)->pMethods->xFileSize(real(file), &end);
+  if (g_disk->capacity && offset + size > end &&
+      g_disk->used() + static_cast<std::uint64_t>(offset + size - end) > *g_disk->capacity) {
+    return SQLITE_FULL;
   }
   return write_part(file, *state, std::move(bytes), offset);
 }
@@ -228,6 +236,7 @@ int shim_delete(sqlite3_vfs*, const char* path, int sync_folder) {
     if (g_disk->fails(Call::remove)) {
       return SQLITE_IOERR_DELETE;
     }
+    g_disk->file(fs::path(path).filename().string(), true);
     g_disk->remove(fs::path(path).filename().string());
   }
   return g_disk->real->xDelete(g_disk->real, path, sync_folder);
@@ -258,9 +267,16 @@ void FaultyDisk::Impl::rename(const std::string& from, const std::string& to) {
 }
 
 void FaultyDisk::Impl::remove(const std::string& name) {
-  file(name, true);
   pending_names.push_back({name, {}, 0});
   pending_names.back().apply_to(names);
+}
+
+std::uint64_t FaultyDisk::Impl::used() const {
+  std::uint64_t bytes = 0;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    bytes += entry.path().extension() == ".db-shm" ? 0 : entry.file_size();
+  }
+  return bytes;
 }
 
 void FaultyDisk::Impl::folder_synced() {
@@ -309,6 +325,8 @@ FaultyDisk::~FaultyDisk() {
 
 std::uint64_t FaultyDisk::calls() const { return impl_->calls; }
 void FaultyDisk::before_each_call(std::function<void(Call)> hook) { impl_->hook = std::move(hook); }
+void FaultyDisk::set_capacity(std::optional<std::uint64_t> bytes) { impl_->capacity = bytes; }
+std::uint64_t FaultyDisk::used() const { return impl_->used(); }
 void FaultyDisk::inject(const Fault& fault) {
   impl_->fault = fault;
   impl_->struck = false;
@@ -419,6 +437,26 @@ int rename(const char* from, const char* to) noexcept {
   const int result = static_cast<int>(syscall(SYS_rename, from, to));
   if (mine && result == 0) {
     g_disk->rename(std::filesystem::path(from).filename().string(), std::filesystem::path(to).filename().string());
+  }
+  return result;
+}
+
+int remove(const char* path) noexcept {
+  using tacho::test::g_disk;
+  struct stat info {};
+  const bool mine = g_disk != nullptr && g_disk->mine(path) && lstat(path, &info) == 0;
+  if (mine && tacho::test::fails_with_errno(tacho::test::Call::remove) != 0) {
+    return -1;
+  }
+  if (mine) {
+    g_disk->file(std::filesystem::path(path).filename().string(), true);
+  }
+  int result = static_cast<int>(syscall(SYS_unlink, path));
+  if (result != 0 && errno == EISDIR) {
+    result = static_cast<int>(syscall(SYS_rmdir, path));
+  }
+  if (mine && result == 0) {
+    g_disk->remove(std::filesystem::path(path).filename().string());
   }
   return result;
 }

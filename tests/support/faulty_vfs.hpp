@@ -4,7 +4,8 @@
 // While a FaultyDisk lives, it is SQLite's default VFS. Files stay ordinary files, so everything reads what was
 // written; beside them the disk keeps what a power cut would leave: contents as of the last sync of each file, names as
 // of the last sync of the folder, and the changes since. The calls that the store makes without SQLite (fsync of a
-// folder, rename, mkdir) are caught by this program's own fsync(), fdatasync(), rename() and mkdir(), which is why
+// folder, rename, mkdir, removing a file) are caught by this program's own fsync(), fdatasync(), rename(), mkdir() and
+// remove(), which is why
 // tests that use a FaultyDisk are binaries of their own. No real sync happens, so that thousands of commits take
 // seconds.
 //
@@ -15,6 +16,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 
@@ -57,6 +59,11 @@ class FaultyDisk {
   /// multiple of 512 bytes; of the changes of names since the last sync of the folder the first few are kept, as on
   /// file systems with a journal.
   [[nodiscard]] Image after_power_cut(std::mt19937& random) const;
+
+  /// Writes that would make the files of the folder take more than this, together, fail with ENOSPC.
+  void set_capacity(std::optional<std::uint64_t> bytes);
+  /// What they take now; the shared memory beside a WAL does not count.
+  [[nodiscard]] std::uint64_t used() const;
 
   void inject(const Fault& fault);
   void heal();
