@@ -27,7 +27,7 @@ std::vector<std::pair<Source, std::uint64_t>> order_of(const fs::path& log) {
   std::vector<std::pair<Source, std::uint64_t>> order;
   store::LogReader reader = open_reader(log);
   for (std::size_t part = 0; part < reader.parts().size(); ++part) {
-    reader.part_answers(part, 1, [&](const Answer& a) { order.emplace_back(a.meta.source, a.meta.seq); });
+    reader.part_answers(part, 1, std::nullopt, [&](const Answer& a) { order.emplace_back(a.meta.source, a.meta.seq); });
   }
   return order;
 }

@@ -103,7 +103,8 @@ TEST_CASE("a disk that is full loses its oldest closed part, and recording goes 
   }
   const Rest rest = rest_of(dir / "log", polls);
   CHECK(rest.first > 1000);
-  CHECK(rest.missed > 0);
+  // Only a write that failed gives this reason; what it costs is at most the polls of its commit, or none when it was
+  // one of closing a part or of opening the next one ahead.
   CHECK(rest.reasons == std::set<std::string>{"disk_full"});
 }
 

@@ -1,6 +1,8 @@
 // A disk that fails at any of its calls, once or from then on: the writer throws Error and nothing else, and what it
 // could not write becomes gap rows of cause disk.
 
+#include <cstdlib>
+
 #include "tests/schema/store_workload.hpp"
 #include "tests/support/faulty_vfs.hpp"
 
@@ -113,8 +115,12 @@ std::vector<Call> calls() {
   return all;
 }
 
-/// Writes that follow each other fill one file: the first, the last and every eighth stand for all of them.
+/// Writes that follow each other fill one file: the first, the last and every eighth stand for all of them, but with
+/// TACHO_LONG.
 bool stands_for_others(const std::vector<Call>& all, std::uint64_t call) {
+  if (std::getenv("TACHO_LONG") != nullptr) {
+    return true;
+  }
   const auto writes = [&](std::uint64_t at) { return at < all.size() && all[at] == Call::write; };
   return !writes(call) || !writes(call - 1) || !writes(call + 1) || call % 8 == 0;
 }
