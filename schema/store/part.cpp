@@ -104,7 +104,6 @@ fs::path prepare_part(const fs::path& folder, const PartRow& row) {
   in_folder(folder, [&] { fs::remove(prepared); });
   Connection connection(prepared, OpenMode::create);
   connection.set_pragma("page_size", kPageSize);
-  connection.set_pragma("auto_vacuum", "2");  // incremental: only close_part() gives back what hot rows took
   connection.set_pragma("synchronous", "2");
   Transaction transaction(connection);
   connection.exec(schema_sql());
@@ -171,7 +170,6 @@ void reopen_part(Connection& connection) {
 bool close_part(Connection& connection, std::optional<Micros> now_us) {
   {
     Transaction transaction(connection);
-    connection.exec("PRAGMA incremental_vacuum");
     Statement(connection, "UPDATE part SET closed = 1, ended_us = ?1").run(now_us);
     write_seal(connection);
     transaction.commit();
