@@ -238,7 +238,7 @@ class Program {
     job.window = {query.at_us - query.before_us, query.at_us + query.after_us};
     const std::vector<Session> sessions = job.log->sessions();
     const bool recording = std::any_of(sessions.begin(), sessions.end(), [&](const Session& s) {
-      return s.t_start_us < job.window.to_us && s.t_end_us >= job.window.from_us;
+      return s.t_start_us < job.window.to_us && (s.t_end_us == 0 || s.t_end_us >= job.window.from_us);
     });
     if (!recording) {  // while it recorded, gaps alone can be the answer
       require_answers(job, "--at " + extra_.at);

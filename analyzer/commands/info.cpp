@@ -157,7 +157,7 @@ Value rate_of(const Coverage& c, const MissedBySource& missed) {
 }
 
 /// From the first answer to the last of any robot, and the part of it in which the recorder was off.
-std::string running_note(const RowSource& log, const std::vector<Coverage>& all, const MissedBySource& missed) {
+std::string running_note(const RowSource& log, const std::vector<Coverage>& all) {
   Micros first_us = 0;
   Micros last_us = 0;
   for (const Coverage& c : all) {
@@ -171,13 +171,9 @@ std::string running_note(const RowSource& log, const std::vector<Coverage>& all,
   }
   std::vector<std::pair<Micros, Micros>> sessions;  // one that left out a robot was no time off
   for (const Session& s : log.sessions()) {
-    sessions.emplace_back(s.t_start_us, s.t_end_us);
+    sessions.emplace_back(s.t_start_us, s.t_end_us == 0 ? last_us : s.t_end_us);  // 0: running, or killed last
   }
-  std::vector<std::pair<Micros, Micros>> either = sessions;
-  for (const auto& [key, m] : missed) {
-    either.insert(either.end(), m.off.begin(), m.off.end());
-  }
-  const Micros off_us = covered(std::move(either), first_us, last_us) - covered(std::move(sessions), first_us, last_us);
+  const Micros off_us = last_us - first_us - covered(std::move(sessions), first_us, last_us);
   const double span_s = static_cast<double>(last_us - first_us) / 1e6;
   const double off_s = static_cast<double>(off_us) / 1e6;
   return fmt::format("the recorder was running for {:.4g} % of the {:.0f} s from the first answer to the last{}",
@@ -430,7 +426,7 @@ Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogR
   add_findings(section, log, all, unknown_keys);
   section.notes.push_back(
       fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
-  if (std::string running = running_note(log, all, missed); !running.empty()) {
+  if (std::string running = running_note(log, all); !running.empty()) {
     section.notes.push_back(std::move(running));
   }
   if (robots.empty()) {

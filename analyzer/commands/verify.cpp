@@ -142,7 +142,10 @@ Section section_of(store::LogReader& log, const Survey& found, const Options& op
     events.verdict = Verdict::unknown;
     events.value.value.reset();
     events.value.reason = "in no session can the way to its events be repeated exactly";
-    events.advice = "nothing to do: sessions with Modbus registers are left out so far";
+    events.advice =
+        "nothing to do: sessions whose beginning is not here, that have holes, or in which the word order of registers "
+        "was "
+        "learnt cannot be repeated";
   }
   section.notes = found.wrong_summaries;
   section.notes.insert(section.notes.end(), e.first.begin(), e.first.end());

@@ -11,7 +11,8 @@ namespace tacho::store {
 
 HostTime host_time() {
   timex kernel{};
-  const bool good = adjtimex(&kernel) != TIME_ERROR && (kernel.status & STA_UNSYNC) == 0;
+  const int state = adjtimex(&kernel);  // -1: a sandbox forbids to ask
+  const bool good = state >= 0 && state != TIME_ERROR && (kernel.status & STA_UNSYNC) == 0;
   return {wall_now_us(), mono_now_us(), good};
 }
 

@@ -108,12 +108,17 @@ bool ColumnScan::all_good(AnswerMeta meta, const Chunk& chunk) {
   const auto [first, last] = std::minmax_element(batch.t_send_us.begin(), batch.t_send_us.end());
   const Window& window = query_->answers.window;
   if (!window.contains(*first) || !window.contains(*last) || chunk.place.back() > head_->ends.row ||
-      !std::is_sorted(chunk.place.begin(), chunk.place.end()) ||
+      chunk.place.front() <= lane(meta.source).last_place ||
+      std::adjacent_find(chunk.place.begin(), chunk.place.end(), std::greater_equal<>()) != chunk.place.end() ||
       std::adjacent_find(batch.seq.begin(), batch.seq.end(), std::greater_equal<>()) != batch.seq.end()) {
     return false;
   }
   meta.seq = batch.seq.front();
-  return query_->order.accepts_run(meta, batch.seq.back());
+  if (!query_->order.accepts_run(meta, batch.seq.back())) {
+    return false;
+  }
+  lane(meta.source).last_place = chunk.place.back();
+  return true;
 }
 
 /// Leaves out rows outside the window, newer than the head, or out of order.
@@ -129,12 +134,14 @@ void ColumnScan::keep_good_rows(Source source, Chunk& chunk) {
   std::vector<bool> good(rows);
   std::size_t kept = 0;
   bool disorder = false;
+  std::int64_t& last_place = lane(source).last_place;
   for (std::size_t i = 0; i < rows; ++i) {
     if (!query_->answers.window.contains(batch.t_send_us[i]) || chunk.place[i] > head_->ends.row) {
       continue;
     }
     meta.seq = batch.seq[i];
-    good[i] = query_->order.accepts(meta);
+    good[i] = chunk.place[i] > last_place && query_->order.accepts(meta);
+    last_place = good[i] ? chunk.place[i] : last_place;
     disorder = disorder || !good[i];
     kept += good[i] ? 1U : 0U;
   }

@@ -47,6 +47,7 @@ class ColumnScan {
     BatchBuilder builder;              ///< of hot rows
     std::vector<std::int64_t> places;  ///< likewise
     SessionId session = 0;             ///< likewise
+    std::int64_t last_place = 0;       ///< of the rows handed out
   };
   const PartHead* head_;
   ColumnQuery* query_;

@@ -42,13 +42,13 @@ void identify(Connection& connection, const fs::path& path) {
   }
 }
 
-Connection open_identified(const fs::path& path) {
+Connection open_identified(const fs::path& path, Access access) {
   std::error_code missing;
   if (fs::file_size(path, missing) == 0 && !missing && !has_wal(path)) {
     throw foreign(path, "is empty (0 bytes)");
   }
   try {
-    Connection connection = open_part_for_reading(path);
+    Connection connection = open_part_for_reading(path, access);
     identify(connection, path);
     return connection;
   } catch (const SqliteError& error) {
@@ -174,7 +174,7 @@ Connection open_part_for_reading(const fs::path& path, Access access) {
 PartHead read_head(const fs::path& path, Access access) {
   PartHead head;
   head.path = path;
-  Connection connection = open_identified(path);
+  Connection connection = open_identified(path, access);
   connection.exec("BEGIN");
   const Connection::FileSize size = connection.file_size();
   head.file_bytes = size.actual;

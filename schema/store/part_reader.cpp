@@ -22,7 +22,13 @@ PartReader::Transaction::~Transaction() {
   try {
     reader_->connection_.exec("COMMIT");
   } catch (const SqliteError&) {
-    // Nothing was written; a reader that cannot even end its reading says so at its next one.
+    try {  // COMMIT fails on a truncated file
+      if (reader_->connection_.in_transaction()) {
+        reader_->connection_.exec("ROLLBACK");
+      }
+    } catch (const SqliteError&) {
+      // Nothing was written; a reader that cannot even end its reading says so at its next one.
+    }
   }
   if (!is_closed(*reader_->head_)) {
     reader_->blocks_.reset();
@@ -137,12 +143,19 @@ bool PartReader::touches(Window window) {
     return true;
   }
   if (!records_) {
-    Statement span(connection_,
-                   "SELECT min(a), max(b) FROM (SELECT min(t_from_us) AS a, max(t_to_us) AS b FROM gap UNION ALL "
-                   "SELECT min(t_us), max(t_us) FROM event UNION ALL SELECT min(wall_us), max(wall_us) FROM clock)");
-    span.query();
-    span.step();
-    records_ = Window{span.integer(0), span.integer(1)};
+    try {
+      Statement span(connection_,
+                     "SELECT min(a), max(b) FROM (SELECT min(t_from_us) AS a, max(t_to_us) AS b FROM gap UNION ALL "
+                     "SELECT min(t_us), max(t_us) FROM event UNION ALL SELECT min(wall_us), max(wall_us) FROM clock)");
+      span.query();
+      span.step();
+      records_ = Window{span.integer(0), span.integer(1)};
+    } catch (const SqliteError& error) {
+      if (!error.damaged()) {
+        throw;
+      }
+      records_ = always;  // reading them says what is wrong
+    }
   }
   return records_->to_us >= window.from_us && records_->from_us < window.to_us;
 }

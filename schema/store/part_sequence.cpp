@@ -70,7 +70,9 @@ PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level,
     if (continues_ && file.path == found_->path) {
       continue;
     }
-    if (fs::exists(file.path.string() + "-wal", unknown)) {
+    // The last connection to a part takes its WAL away, so what was being finished when a kill came may have none.
+    const std::optional<KeptPart> part = read_kept_part(file, log_);
+    if (fs::exists(file.path.string() + "-wal", unknown) || (part && !part->closed)) {
       left_.push_back({file, std::nullopt, false, nullptr, {}});
     } else {
       keep(file);
@@ -158,6 +160,21 @@ void PartSequence::prepare() {
   }
 }
 
+/// Opens a new part. One that cannot be opened (no room for its WAL) goes again: nobody would write it, and nobody
+/// remove it.
+std::unique_ptr<PartWriter> PartSequence::opened(const fs::path& path) {
+  try {
+    return std::make_unique<PartWriter>(path, durable_);
+  } catch (const Error&) {
+    try {
+      remove_part(path);
+    } catch (const Error&) {
+      ++number_;  // its number is taken
+    }
+    throw;
+  }
+}
+
 void PartSequence::next(const Fill& fill, const HotLedger& hot) {
   fs::path path;
   try {
@@ -170,8 +187,8 @@ void PartSequence::next(const Fill& fill, const HotLedger& hot) {
     path = finish_part(prepared_, fill);
   }
   prepared_.clear();
+  auto part = opened(path);
   ++number_;
-  auto part = std::make_unique<PartWriter>(path, durable_);
   close(hot);
   current_ = std::move(part);
   current_number_ = number_;

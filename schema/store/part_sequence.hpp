@@ -82,6 +82,7 @@ class PartSequence {
   std::vector<Left> left_;
   bool disk_full_ = false;  ///< met by tidy()
 
+  std::unique_ptr<PartWriter> opened(const std::filesystem::path& path);
   bool finish(Left& left, Deadline until, std::optional<Micros> now_us);
   bool move_all(PartWriter& part, Left& left, Deadline until) const;
   void keep(const PartFile& file);

@@ -60,6 +60,19 @@ std::optional<double> smaller(std::optional<double> a, std::optional<double> b) 
   return a && b ? std::min(*a, *b) : a ? a : b;
 }
 
+/// Where all parts together are not enough (somebody else has filled the disk, or the reserve is a mistake) removing
+/// them would gain nothing: they stay until a write fails.
+bool reserve_can_be_reached(const RetentionRules& rules, std::span<const KeptPart> parts, const Surroundings& around) {
+  if (rules.reserve_bytes == 0 || !around.free_bytes) {
+    return false;
+  }
+  std::uint64_t reached = *around.free_bytes;
+  for (std::size_t i = 0; i + 1 < parts.size() && parts[i].closed; ++i) {
+    reached += parts[i].bytes;
+  }
+  return reached >= rules.reserve_bytes;
+}
+
 }  // namespace
 
 std::string_view removal_reason_name(RemovalReason reason) { return kReasons[static_cast<std::size_t>(reason)]; }
@@ -69,8 +82,9 @@ std::vector<Removal> parts_to_remove(const RetentionRules& rules, std::span<cons
   std::vector<Removal> out;
   std::uint64_t used = bytes_of(parts);
   std::uint64_t freed = 0;
+  const bool reachable = reserve_can_be_reached(rules, parts, around);
   for (std::size_t i = 0; i + 1 < parts.size() && parts[i].closed; ++i) {
-    const bool low = rules.reserve_bytes > 0 && around.free_bytes && *around.free_bytes + freed < rules.reserve_bytes;
+    const bool low = reachable && *around.free_bytes + freed < rules.reserve_bytes;
     const bool full = rules.reserve_bytes > 0 && around.disk_full && out.empty();
     if (too_old(rules, parts, i, around)) {
       out.push_back({parts[i].number, RemovalReason::age});

@@ -17,9 +17,10 @@ namespace tacho::store {
 
 /// 0 switches a rule off.
 struct RetentionRules {
-  Micros age_us = 0;                ///< a part goes when it ended longer ago
-  std::uint64_t size_bytes = 0;     ///< the oldest part goes while the log is larger
-  std::uint64_t reserve_bytes = 0;  ///< ... while less than this is free on the disk, or the disk is full
+  Micros age_us = 0;             ///< a part goes when it ended longer ago
+  std::uint64_t size_bytes = 0;  ///< the oldest part goes while the log is larger
+  /// ... while less than this is free on the disk and removing can change that, or the disk is full
+  std::uint64_t reserve_bytes = 0;
 };
 
 /// One part, as retention sees it.

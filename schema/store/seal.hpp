@@ -27,8 +27,8 @@ struct Seal {
   std::set<std::string, std::less<>> damaged;  ///< the same tables by name
 };
 /// Compares the tables that have a checksum here; the rows of gap, event, clock and rollup are counted where they are
-/// read. `closed`: a part without a seal is damaged, unless it is older than seals. `whole`: also columns that opening a
-/// log does not need.
+/// read. `closed`: a part without a seal is damaged, unless it is older than seals. `whole`: also columns that opening
+/// a log does not need.
 Seal check_seal(Connection& connection, bool closed, bool whole);
 
 }  // namespace tacho::store

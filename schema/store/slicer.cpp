@@ -111,6 +111,13 @@ void Slicer::one_source(std::size_t source) {
 
 void Slicer::end_part() {
   lanes_ = {};
+  for (std::optional<BatchBuilder>& builder : builders_) {  // of a slice that an error cut off
+    if (builder && builder->rows() > 0) {
+      builder->take();
+    }
+  }
+  register_places_.clear();
+  gates_->catch_up();
   slice_.batches.clear();
   while (!waiting_.empty()) {
     emit(waiting_.begin()->first, std::nullopt);

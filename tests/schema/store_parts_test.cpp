@@ -446,3 +446,31 @@ TEST_CASE("several readers read at once") {
   }
   CHECK(rows == std::array<std::size_t, 3>{500, 500, 500});
 }
+
+TEST_CASE("a part whose finishing was cut off is finished by the next start, whether it still has a WAL or not") {
+  TempDir dir;
+  store::WriterOptions options;
+  options.part_bytes = 100'000;
+  {
+    Recording recording(dir.path(), options);
+    for (int i = 0; i < 20; ++i) {
+      recording.polls(100);
+      recording.writer.commit();
+    }
+    recording.end();
+  }
+  const std::vector<std::filesystem::path> parts = part_files(dir.path());
+  REQUIRE(parts.size() > 1);
+  {
+    store::Connection part(parts[0], store::OpenMode::write);
+    part.exec("UPDATE part SET closed = 0; DELETE FROM seal");
+  }
+  REQUIRE_FALSE(open_reader(dir.path()).parts().at(0).closed);
+  {
+    Recording recording(dir.path(), options, kT0 + 3000 * kSecond);
+    recording.polls(1);
+    recording.writer.commit();
+    recording.end();
+  }
+  CHECK(open_reader(dir.path()).parts().at(0).closed);
+}

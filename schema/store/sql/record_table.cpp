@@ -121,14 +121,24 @@ std::vector<Row> gap_rows(RowSource& log, const Robot* robot, std::size_t) {
   return rows;
 }
 
+bool is_first(const RowSource& log, const Robot& robot) {
+  const std::vector<Robot> robots = log.robots();
+  return !robots.empty() && robots.front().id == robot.id;
+}
+
+/// Events of no robot (parts that were removed) are given with the first one.
 std::vector<Row> event_rows(RowSource& log, const Robot* robot, std::size_t) {
   std::vector<Row> rows;
-  each_slice(log, *robot, [&](const Slice& slice) {
+  const auto take = [&](const Slice& slice) {
     for (const Event& e : slice.events) {
       rows.push_back({number(e.robot), text(source_name(e.source)), number(e.session), text(event_kind_name(e.kind)),
                       number(e.seq), e.t_from_us, e.t_us, e.subject, e.old_value, e.new_value, e.detail});
     }
-  });
+  };
+  if (is_first(log, *robot)) {
+    each_slice(log, Robot{}, take);
+  }
+  each_slice(log, *robot, take);
   return rows;
 }
 
@@ -143,8 +153,7 @@ std::vector<Row> rollup_rows(RowSource& log, const Robot* robot, std::size_t por
 
 /// Points of no robot (host clocks only) come with every robot; they are given with the first.
 std::vector<Row> clock_rows(RowSource& log, const Robot* robot, std::size_t) {
-  const std::vector<Robot> robots = log.robots();
-  const bool first = !robots.empty() && robots.front().id == robot->id;
+  const bool first = is_first(log, *robot);
   std::vector<Row> rows;
   each_slice(log, *robot, [&](const Slice& slice) {
     for (const ClockPoint& c : slice.clock) {
