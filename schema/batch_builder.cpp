@@ -50,18 +50,25 @@ void BatchBuilder::append(const Sample& sample) {
       column.integer.push_back(is_text(kind) ? 0 : cell.integer);
     }
   }
-  const auto move_text = [&](std::uint32_t id) { return batch_.texts.intern(sample.texts.at(id)); };
+  append_lists(sample.alarms, sample.alarms_incomplete, sample.points,
+               [&](std::uint32_t id) { return batch_.texts.intern(sample.texts.at(id)); });
+}
+
+/// The lists of one row. `move_text`: id there -> id here.
+template <class MoveText>
+void BatchBuilder::append_lists(std::span<const AlarmItem> alarms, LevelSet incomplete, std::span<const IoPoint> points,
+                                MoveText move_text) {
   if (alarms_) {
-    for (AlarmItem item : sample.alarms) {
+    for (AlarmItem item : alarms) {
       item.desc = move_text(item.desc);
       item.solution = move_text(item.solution);
       batch_.alarms.push_back(item);
     }
     batch_.alarm_begin.push_back(static_cast<std::uint32_t>(batch_.alarms.size()));
-    batch_.alarms_incomplete.push_back(sample.alarms_incomplete);
+    batch_.alarms_incomplete.push_back(incomplete);
   }
   if (points_) {
-    for (IoPoint point : sample.points) {
+    for (IoPoint point : points) {
       point.source = move_text(point.source);
       batch_.points.push_back(point);
     }
@@ -103,25 +110,9 @@ void BatchBuilder::append(const Batch& from, std::size_t begin, std::size_t end)
       add(column.integer, other->integer);
     }
   }
-  if (alarms_) {
-    for (std::size_t row = begin; row < end; ++row) {
-      for (AlarmItem item : from.alarms_of(row)) {
-        item.desc = move_text(item.desc);
-        item.solution = move_text(item.solution);
-        batch_.alarms.push_back(item);
-      }
-      batch_.alarm_begin.push_back(static_cast<std::uint32_t>(batch_.alarms.size()));
-    }
-    add(batch_.alarms_incomplete, from.alarms_incomplete);
-  }
-  if (points_) {
-    for (std::size_t row = begin; row < end; ++row) {
-      for (IoPoint point : from.points_of(row)) {
-        point.source = move_text(point.source);
-        batch_.points.push_back(point);
-      }
-      batch_.point_begin.push_back(static_cast<std::uint32_t>(batch_.points.size()));
-    }
+  for (std::size_t row = begin; (alarms_ || points_) && row < end; ++row) {
+    append_lists(from.alarms_of(row), alarms_ ? from.alarms_incomplete[row] : LevelSet(), from.points_of(row),
+                 move_text);
   }
 }
 

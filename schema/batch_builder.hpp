@@ -23,6 +23,9 @@ class BatchBuilder {
   bool alarms_ = false;
   bool points_ = false;
   void start();
+  template <class MoveText>
+  void append_lists(std::span<const AlarmItem> alarms, LevelSet incomplete, std::span<const IoPoint> points,
+                    MoveText move_text);
 };
 
 }  // namespace tacho

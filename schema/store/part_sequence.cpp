@@ -71,11 +71,11 @@ PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level,
       continue;
     }
     // The last connection to a part takes its WAL away, so what was being finished when a kill came may have none.
-    const std::optional<KeptPart> part = read_kept_part(file, log_);
+    std::optional<KeptPart> part = read_kept_part(file, log_);
     if (fs::exists(file.path.string() + "-wal", unknown) || (part && !part->closed)) {
       left_.push_back({file, std::nullopt, false, nullptr, {}});
     } else {
-      keep(file);
+      keep(std::move(part));
     }
   }
 }
@@ -98,8 +98,8 @@ void PartSequence::open() {
 }
 
 /// Nothing is left to be done for this part.
-void PartSequence::keep(const PartFile& file) {
-  if (std::optional<KeptPart> part = read_kept_part(file, log_)) {
+void PartSequence::keep(std::optional<KeptPart> part) {
+  if (part) {
     part->closed = true;
     const auto place = std::find_if(closed_.begin(), closed_.end(),
                                     [&](const KeptPart& other) { return other.number > part->number; });
@@ -205,7 +205,7 @@ bool PartSequence::tidy(Deadline until, std::optional<Micros> now_us) {
   disk_full_ = false;
   for (auto left = left_.begin(); left != left_.end();) {
     if (finish(*left, until, now_us)) {
-      keep(left->file);
+      keep(read_kept_part(left->file, log_));
       left = left_.erase(left);
     } else {
       ++left;

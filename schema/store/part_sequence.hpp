@@ -85,7 +85,7 @@ class PartSequence {
   std::unique_ptr<PartWriter> opened(const std::filesystem::path& path);
   bool finish(Left& left, Deadline until, std::optional<Micros> now_us);
   bool move_all(PartWriter& part, Left& left, Deadline until) const;
-  void keep(const PartFile& file);
+  void keep(std::optional<KeptPart> part);
   void find_newest(const std::vector<PartFile>& files);
   [[nodiscard]] PartRow next_row() const;
 };
