@@ -7,7 +7,7 @@ CREATE TABLE part (
   number INTEGER NOT NULL,                 -- number of this part, from 1; order of parts
   software TEXT NOT NULL,                  -- what created the part
   closed INTEGER NOT NULL,                 -- 1: complete and checkpointed
-  counted_to INTEGER NOT NULL,             -- hot.id up to which the coverage rows count; all of every block
+  counted_to INTEGER NOT NULL,             -- place of the newest answer that the coverage rows count; all of every block
   ended_us INTEGER                         -- when it was closed by a clock known to be right, UTC microseconds; NULL: not known
 ) STRICT;
 
@@ -107,20 +107,18 @@ CREATE TABLE seal (
   crc INTEGER                              -- CRC-32C of all their columns; NULL: each row has its own
 ) STRICT, WITHOUT ROWID;
 
--- stored answers in order of arrival; bodies are compressed against the row before
+-- stored answers in order of arrival: those of one stream between two commits
 CREATE TABLE hot (
-  id INTEGER PRIMARY KEY,                  -- order of arrival
+  id INTEGER PRIMARY KEY,                  -- place of the first answer in the order of arrival of all answers of this part
   robot INTEGER NOT NULL,                  -- robot.id
   source INTEGER NOT NULL,                 -- code list source
   session INTEGER NOT NULL,                -- session.id
-  seq INTEGER NOT NULL,                    -- number of the planned poll in its stream, from 0
-  t_send_us INTEGER NOT NULL,              -- request handed to the kernel, UTC microseconds
-  rtt_us INTEGER NOT NULL,                 -- until the last byte of the answer
-  base INTEGER,                            -- hot.id of the row this body is compressed against; NULL: a keyframe
-  length INTEGER NOT NULL,                 -- bytes of the body as received
+  seq INTEGER NOT NULL,                    -- number of the first planned poll in its stream, from 0
+  t_send_us INTEGER NOT NULL,              -- its request handed to the kernel, UTC microseconds
+  base INTEGER,                            -- hot.id of the row whose last body these are compressed against; NULL: a keyframe
+  rows INTEGER NOT NULL,                   -- answers
   crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
-  header BLOB,                             -- frame header where it is unusual
-  body BLOB NOT NULL                       -- method byte and data, see hot_codec.hpp
+  data BLOB NOT NULL                       -- their places, polls, times, lengths and bodies, see hot_codec.hpp
 ) STRICT;
 
 -- stored answers of one stream that were moved out of hot
@@ -131,8 +129,8 @@ CREATE TABLE block (
   session INTEGER NOT NULL,                -- session.id
   seq_from INTEGER NOT NULL,               -- first poll; polls in between may be missing
   seq_to INTEGER NOT NULL,                 -- last poll
-  row_from INTEGER NOT NULL,               -- what hot.id was of the first answer; each answer keeps its own
-  row_to INTEGER NOT NULL,                 -- what hot.id was of the last answer
+  row_from INTEGER NOT NULL,               -- place of the first answer in the order of arrival; each answer keeps its own
+  row_to INTEGER NOT NULL,                 -- place of the last answer
   t_from_us INTEGER NOT NULL,              -- smallest send time, UTC microseconds
   t_to_us INTEGER NOT NULL,                -- largest send time, UTC microseconds
   rows INTEGER NOT NULL,                   -- answers

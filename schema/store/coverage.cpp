@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "schema/store/hot_scan.hpp"
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
@@ -64,22 +65,19 @@ StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabu
   return counts;
 }
 
-void add_hot_rows(Connection& connection, const Vocabulary& vocabulary, std::int64_t after, StreamCounts& counts) {
-  Statement row(connection, "SELECT session, robot, source, seq, t_send_us, length FROM hot WHERE id > ?1 ORDER BY id");
-  row.query(after);
-  while (row.step()) {
-    const std::int64_t number = row.integer(2);
-    if (number < 0 || number > 255 || !vocabulary.source[static_cast<std::size_t>(number)]) {
-      continue;
-    }
-    AnswerMeta meta;
-    meta.session = static_cast<SessionId>(row.integer(0));
-    meta.robot = static_cast<RobotId>(row.integer(1));
-    meta.source = *vocabulary.source[static_cast<std::size_t>(number)];
-    meta.seq = static_cast<std::uint64_t>(row.integer(3));
-    meta.t_send_us = row.integer(4);
-    counts[{meta.session, meta.robot, meta.source}].add(meta, static_cast<std::uint64_t>(row.integer(5)));
-  }
+std::int64_t add_hot_rows(Connection& connection, const Vocabulary& vocabulary, std::int64_t after,
+                          StreamCounts& counts) {
+  // A damaged row does not tell how many places it has taken, but its own is taken.
+  std::int64_t last = std::max(after, connection.integer("SELECT ifnull(max(id), 0) FROM hot"));
+  for_each_hot_row(
+      connection, vocabulary, after, [&](const HotRow& row, Source source, const std::vector<HotMark>& marks) {
+        StreamCount& count = counts[{row.session, row.robot, source}];
+        for (const HotMark& mark : marks) {
+          count.add({row.robot, source, row.session, mark.seq, mark.t_send_us, mark.t_recv_us}, mark.length);
+        }
+        last = std::max(last, marks.back().place);
+      });
+  return last;
 }
 
 }  // namespace tacho::store

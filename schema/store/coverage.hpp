@@ -52,7 +52,9 @@ GapReading read_gap_counts(Connection& connection);
 
 void write(Statement& replace, const StreamKey& key, const StreamCount& count);
 StreamCounts read_coverage_rows(Connection& connection, const Vocabulary& vocabulary);
-/// Adds hot rows with id > `after`, without touching their bodies.
-void add_hot_rows(Connection& connection, const Vocabulary& vocabulary, std::int64_t after, StreamCounts& counts);
+/// Adds the answers of hot rows with id > `after`, without opening their bodies; those of damaged rows are left out.
+/// Returns the place of the newest answer of the part, `after` when there are none.
+std::int64_t add_hot_rows(Connection& connection, const Vocabulary& vocabulary, std::int64_t after,
+                          StreamCounts& counts);
 
 }  // namespace tacho::store

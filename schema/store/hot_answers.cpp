@@ -13,8 +13,9 @@ namespace {
 /// read; where it cannot, the head knows.
 std::int64_t last_row(Connection& connection, const PartHead& head) {
   try {
-    const std::int64_t last = connection.integer("SELECT ifnull(max(id), 0) FROM hot");
-    return std::min(last, head.ends.row);
+    Statement last(connection, "SELECT ifnull(max(id), 0) FROM hot WHERE id <= ?1");
+    last.query(head.ends.row);
+    return last.step() ? last.integer(0) : 0;
   } catch (const SqliteError& error) {
     if (!error.damaged()) {
       throw;
@@ -25,15 +26,15 @@ std::int64_t last_row(Connection& connection, const PartHead& head) {
 
 }  // namespace
 
-void HotAnswers::BrokenRuns::bad(const AnswerMeta& meta) {
-  Run& run = runs_[meta.source];
-  if (run.count > 0 && run.session != meta.session) {
-    tell(meta.source, run);
+void HotAnswers::BrokenRuns::bad(const HotRow& row, Source source, std::uint64_t seq) {
+  Run& run = runs_[source];
+  if (run.count > 0 && run.session != row.session) {
+    tell(source, run);
   }
   if (run.count == 0) {
-    run = {meta.robot, meta.session, meta.seq, meta.seq, 0};
+    run = {row.robot, row.session, seq, seq, 0};
   }
-  run.to = meta.seq;
+  run.to = seq;
   ++run.count;
 }
 
@@ -57,42 +58,83 @@ HotAnswers::HotAnswers(Connection& connection, const PartHead& head, const Answe
                        const Report& report)
     : query_(&query),
       met_(&met),
+      vocabulary_(&head.vocabulary),
       scan_(connection, head.vocabulary, last_row(connection, head),
             [&report](std::int64_t after, std::int64_t before, const std::string& why) {
               report(fmt::format("answers between rows {} and {} are lost: {}", after, before, why));
             }),
-      chain_(connection, head.vocabulary),
-      broken_(report) {
+      chain_(connection),
+      broken_(report),
+      unread_(scan_.next()) {
   advance();
 }
 
 const Answer& HotAnswers::take() {
-  std::swap(answer_, next_);
+  answer_.meta = next_->meta;
+  next_->batch.fill(next_->mark(), answer_);
+  ++next_->next;
+  skip_outside(*next_);
   advance();
   return answer_;
 }
 
+void HotAnswers::skip_outside(Open& open) const {
+  while (!open.done() && !query_->window.contains(open.mark().t_send_us)) {
+    ++open.next;
+  }
+}
+
+/// Reads rows until the next answer is known.
 void HotAnswers::advance() {
-  row_ = 0;
-  while (const HotRow* row = scan_.next()) {
-    ++(*met_)[{row->meta.session, row->meta.robot, row->meta.source}].stored;
-    if (!query_->asks_for(row->meta.session, row->meta.robot, row->meta.source) ||
-        !query_->window.contains(row->meta.t_send_us)) {
-      continue;
+  for (;;) {
+    next_ = nullptr;
+    for (Open& open : open_) {
+      if (!open.done() && (next_ == nullptr || open.mark().place < next_->mark().place)) {
+        next_ = &open;
+      }
     }
-    const std::string* body = chain_.body(*row);
-    if (body == nullptr) {
-      broken_.bad(row->meta);
-      continue;
+    if (unread_ == nullptr || (next_ != nullptr && next_->mark().place < unread_->id)) {
+      break;
     }
-    broken_.good(row->meta.source);
-    next_.meta = row->meta;
-    next_.body = *body;
-    next_.header = row->header;
-    row_ = row->id;
+    const Source source = *source_of(*unread_, *vocabulary_);
+    (*met_)[{unread_->session, unread_->robot, source}].stored += unread_->rows;
+    if (query_->asks_for(unread_->session, unread_->robot, source)) {
+      open(*unread_, source);
+    }
+    unread_ = scan_.next();
+  }
+  if (next_ == nullptr) {
+    broken_.finish();
+  }
+}
+
+void HotAnswers::open(const HotRow& row, Source source) {
+  auto place = std::find_if(open_.begin(), open_.end(), [](const Open& open) { return open.done(); });
+  if (place == open_.end()) {
+    place = open_.insert(open_.end(), Open{});
+  }
+  Open& open = *place;
+  open.meta = {row.robot, source, row.session, 0, 0, 0};
+  open.next = 0;
+  const bool readable = read_marks(row, open.batch.marks).has_value();
+  skip_outside(open);
+  if (readable && open.done()) {
+    return;  // its bodies need not be decompressed
+  }
+  if (chain_.open(row, open.batch)) {
+    broken_.good(source);
     return;
   }
-  broken_.finish();
+  for (const HotMark& mark : open.batch.marks) {
+    if (query_->window.contains(mark.t_send_us)) {
+      broken_.bad(row, source, mark.seq);
+    }
+  }
+  if (!readable) {
+    broken_.bad(row, source, row.seq);
+  }
+  open.batch.clear();
+  open.next = 0;
 }
 
 }  // namespace tacho::store

@@ -1,8 +1,10 @@
 #pragma once
 // The hot answers of a query, in order of arrival.
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
+#include <vector>
 
 #include "schema/store/answer_query.hpp"
 #include "schema/store/hot_scan.hpp"
@@ -10,13 +12,17 @@
 
 namespace tacho::store {
 
+/// Rows of several streams overlap: an answer is handed out once no unread row can have one that arrived before it.
+/// Memory: the bodies of one row per source.
 class HotAnswers {
  public:
-  /// Counts every row of every robot in `met`. The arguments must outlive this.
+  /// Counts every answer of every robot in `met`. The arguments must outlive this.
   HotAnswers(Connection& connection, const PartHead& head, const AnswerQuery& query, StreamCounts& met,
              const Report& report);
+  HotAnswers(const HotAnswers&) = delete;
+  HotAnswers& operator=(const HotAnswers&) = delete;
   /// Place of the next answer among all of the part; 0 at the end.
-  [[nodiscard]] std::int64_t row() const { return row_; }
+  [[nodiscard]] std::int64_t row() const { return next_ == nullptr ? 0 : next_->mark().place; }
   /// Valid until the next call.
   const Answer& take();
 
@@ -25,7 +31,7 @@ class HotAnswers {
   class BrokenRuns {
    public:
     explicit BrokenRuns(const Report& report) : report_(&report) {}
-    void bad(const AnswerMeta& meta);
+    void bad(const HotRow& row, Source source, std::uint64_t seq);
     void good(Source source) { tell(source, runs_[source]); }
     void finish();
 
@@ -41,17 +47,29 @@ class HotAnswers {
     std::map<Source, Run> runs_;
     void tell(Source source, Run& run) const;
   };
+  /// A row that is being handed out.
+  struct Open {
+    AnswerMeta meta;  ///< of all its answers
+    HotBatch batch;
+    std::size_t next = 0;
+    [[nodiscard]] bool done() const { return next == batch.marks.size(); }
+    [[nodiscard]] const HotMark& mark() const { return batch.marks[next]; }
+  };
 
   const AnswerQuery* query_;
   StreamCounts* met_;
+  const Vocabulary* vocabulary_;
   HotScan scan_;
   BodyChain chain_;
   BrokenRuns broken_;
-  std::int64_t row_ = 0;
+  const HotRow* unread_;  ///< null: none
+  std::vector<Open> open_;
+  Open* next_ = nullptr;  ///< whose turn it is
   Answer answer_;
-  Answer next_;
 
   void advance();
+  void open(const HotRow& row, Source source);
+  void skip_outside(Open& open) const;
 };
 
 }  // namespace tacho::store

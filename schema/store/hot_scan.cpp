@@ -55,10 +55,8 @@ bool HotScan::advance() {
   }
   while (batch_.step()) {
     ++in_batch_;
-    row_ = read_hot(batch_, *vocabulary_);
-    const bool known =
-        row_.source >= 0 && row_.source < 256 && vocabulary_->source[static_cast<std::size_t>(row_.source)].has_value();
-    if (row_.id > last_ && known && checksum(row_) == row_.crc) {
+    row_ = read_hot(batch_);
+    if (row_.id > last_ && is_whole(row_) && source_of(row_, *vocabulary_)) {
       last_ = row_.id;
       return true;
     }
@@ -121,26 +119,38 @@ bool HotScan::skip_damage(const std::string& why) {
   return tried_ != 0;
 }
 
-BodyChain::BodyChain(Connection& connection, const Vocabulary& vocabulary)
-    : vocabulary_(&vocabulary), fetch_(connection, select_sql("hot") + " WHERE id = ?1") {}
+void for_each_hot_row(Connection& connection, const Vocabulary& vocabulary, std::int64_t after,
+                      const std::function<void(const HotRow&, Source, const std::vector<HotMark>&)>& yield) {
+  Statement rows(connection, select_sql("hot") + " WHERE id > ?1 ORDER BY id");
+  std::vector<HotMark> marks;
+  rows.query(after);
+  while (rows.step()) {
+    const HotRow row = read_hot(rows);
+    const std::optional<Source> source = source_of(row, vocabulary);
+    if (source && is_whole(row) && read_marks(row, marks)) {
+      yield(row, *source, marks);
+    }
+  }
+}
 
-bool BodyChain::decode(std::string_view stored, std::uint64_t length, std::int64_t id, std::int64_t base, Last& last) {
-  const std::string* prefix = base == 0 ? nullptr : &last.body;
-  if (length > kMaxBodyBytes || !decoder_.decode(stored, static_cast<std::size_t>(length), prefix, last.next)) {
+BodyChain::BodyChain(Connection& connection) : fetch_(connection, select_sql("hot") + " WHERE id = ?1") {}
+
+/// last.body is the last body of row.base, where it has one.
+bool BodyChain::unpack(const HotRow& row, HotBatch& out, Last& last) {
+  const std::optional<PackedBodies> packed = read_marks(row, out.marks);
+  if (!packed || !decoder_.unpack(*packed, row.base == 0 ? nullptr : &last.body, out.bodies)) {
     return false;
   }
-  last.body.swap(last.next);
-  last.id = id;
+  last.body = out.last_body();
+  last.id = row.id;
   return true;
 }
 
-/// Reads the rows from a keyframe to `base`, so that last.body is the body of `base`.
+/// Reads the rows from a keyframe to `base`, so that last.body is the last body of `base`.
 bool BodyChain::walk_to(std::int64_t base, Last& last) {
   struct Link {
-    std::int64_t id;
-    std::int64_t base;
-    std::uint64_t length;
-    std::string stored;
+    HotRow row;
+    std::string data;
   };
   std::vector<Link> links;
   while (base != 0 && base != last.id) {
@@ -148,24 +158,25 @@ bool BodyChain::walk_to(std::int64_t base, Last& last) {
     if (!fetch_.step()) {
       return false;
     }
-    const HotRow row = read_hot(fetch_, *vocabulary_);
-    if (checksum(row) != row.crc || row.base >= row.id) {
+    const HotRow row = read_hot(fetch_);
+    if (!is_whole(row) || row.base >= row.id) {
       return false;
     }
-    links.push_back({row.id, row.base, row.length, std::string(row.body)});
+    links.push_back({row, std::string(row.data)});
     base = row.base;
     fetch_.reset();
   }
   for (auto link = links.rbegin(); link != links.rend(); ++link) {
-    if (!decode(link->stored, link->length, link->id, link->base, last)) {
+    link->row.data = link->data;
+    if (!unpack(link->row, link_, last)) {
       return false;
     }
   }
   return true;
 }
 
-const std::string* BodyChain::body(const HotRow& row) {
-  Last& last = streams_[{row.meta.robot, row.source}];
+bool BodyChain::open(const HotRow& row, HotBatch& out) {
+  Last& last = streams_[{row.robot, row.source}];
   bool good = row.base == 0 || row.base == last.id;
   if (!good && row.base != last.broken) {
     try {
@@ -177,11 +188,12 @@ const std::string* BodyChain::body(const HotRow& row) {
     }
     fetch_.reset();
   }
-  if (!good || !decode(row.body, row.length, row.id, row.base, last)) {
-    last.broken = row.id;
-    return nullptr;
+  if (good && unpack(row, out, last)) {
+    return true;
   }
-  return &last.body;
+  last.broken = row.id;
+  static_cast<void>(read_marks(row, out.marks));
+  return false;
 }
 
 }  // namespace tacho::store

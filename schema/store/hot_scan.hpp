@@ -1,11 +1,12 @@
 #pragma once
-// Reads the hot rows of a part in order of arrival, past damage.
+// Reads the hot rows of a part in the order of their first answers, past damage.
 
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "schema/store/hot_codec.hpp"
 #include "schema/store/rows.hpp"
@@ -21,7 +22,7 @@ class HotScan {
   using Lost = std::function<void(std::int64_t after, std::int64_t before, const std::string& why)>;
 
   HotScan(Connection& connection, const Vocabulary& vocabulary, std::int64_t last_id, Lost lost);
-  /// The next row, or null at the end. Valid until the next call.
+  /// The next row, or null at the end. Its source is known. Valid until the next call.
   const HotRow* next();
 
  private:
@@ -45,29 +46,33 @@ class HotScan {
   bool skip_damage(const std::string& why);
 };
 
-/// Gives bodies back, following bases. Keeps the last body of each stream; fetches older rows when the chain was not
-/// read from its keyframe on.
+/// Yields the rows with id > `after` that are whole, and their answers without bodies. Throws SqliteError.
+void for_each_hot_row(Connection& connection, const Vocabulary& vocabulary, std::int64_t after,
+                      const std::function<void(const HotRow&, Source, const std::vector<HotMark>&)>& yield);
+
+/// Gives the answers of rows back, following bases. Keeps the last body of each stream; fetches older rows when the
+/// chain was not read from its keyframe on.
 class BodyChain {
  public:
-  BodyChain(Connection& connection, const Vocabulary& vocabulary);
+  explicit BodyChain(Connection& connection);
 
-  /// The body, or null when this row or one it is based on is damaged. Valid until the next call.
-  const std::string* body(const HotRow& row);
+  /// False when this row or one it is based on is damaged. `out` has the answers without their bodies then, or none
+  /// when not even those can be read.
+  [[nodiscard]] bool open(const HotRow& row, HotBatch& out);
 
  private:
   struct Last {
-    std::int64_t id = 0;  ///< row `body` belongs to; 0: none
+    std::int64_t id = 0;  ///< row whose last body this is; 0: none
     std::int64_t broken = 0;
     std::string body;
-    std::string next;
   };
-  const Vocabulary* vocabulary_;
   Statement fetch_;
   HotDecoder decoder_;
+  HotBatch link_;
   std::map<std::pair<RobotId, std::int64_t>, Last> streams_;
 
   bool walk_to(std::int64_t base, Last& last);
-  bool decode(std::string_view stored, std::uint64_t length, std::int64_t id, std::int64_t base, Last& last);
+  bool unpack(const HotRow& row, HotBatch& out, Last& last);
 };
 
 }  // namespace tacho::store

@@ -5,8 +5,9 @@
 #include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
-#include "schema/store/hot_codec.hpp"
+#include "schema/store/hot_writer.hpp"
 #include "schema/store/kept_parts.hpp"
 #include "schema/store/part_end.hpp"
 #include "schema/store/part_sequence.hpp"
@@ -37,11 +38,10 @@ struct LogWriter::Impl : WriterHead {
   WriterOptions options;
   Keeper keeper;
   PartSequence parts;
-  HotEncoder encoder;
+  HotWriter answers;
   HotLedger hot;  // of the current part
   Repacker repacker;
   SessionId next_session = 1;
-  std::int64_t next_row = 1;
   PartEnd part_end;
   bool urgent = false;        // something changed that cannot be counted again without decoding
   bool lost = false;          // a transaction failed: the next one says so in gap rows
@@ -59,7 +59,7 @@ struct LogWriter::Impl : WriterHead {
       : options(std::move(how)),
         keeper(options.retention),
         parts(folder, options.durable, options.zstd_level, options.decode),
-        encoder(options.zstd_level),
+        answers(options.zstd_level, options.keyframe_every),
         repacker(options.zstd_level, options.decode),
         part_end(options.part_bytes, options.part_per_day) {
     open_newest();
@@ -98,7 +98,8 @@ struct LogWriter::Impl : WriterHead {
   void turn_day(Micros t_us);
 
   StreamState& stream(RobotId robot, Source source);
-  void insert(StreamState& state, const Answer& answer);
+  void keep(StreamState& state, const Answer& answer);
+  void insert_kept();
   void declare(const Stream& stream);
   void end_session(Micros t_end_us, bool clean);
 };
@@ -132,7 +133,7 @@ void LogWriter::Impl::adopt(const PartHead& head) {
       part_end.had(count.first_us);
     }
   }
-  next_row = std::max(head.row.counted_to, head.ends.row) + 1;
+  answers.set_next_place(head.ends.row + 1);
   if (parts.has_current()) {
     hot.load(part().connection(), head.vocabulary);
   }
@@ -157,7 +158,7 @@ void LogWriter::Impl::next_part() {
   }
   hot = HotLedger{};
   repacker.drop();
-  next_row = 1;
+  answers.set_next_place(1);
   part_end.restart();
   ++stats.parts;
 }
@@ -222,6 +223,7 @@ void LogWriter::Impl::rolled_back() {
   removed_told = false;
   urgent = true;
   hot.roll_back();
+  answers.rolled_back();
   const std::uint64_t parts_opened = stats.parts;
   stats = committed_stats;
   stats.parts = parts_opened;
@@ -236,7 +238,7 @@ void LogWriter::Impl::write_coverage() {
       part().put({session->id, id.first, id.second}, state.count);
     }
   }
-  part().set_counted_to(next_row - 1);
+  part().set_counted_to(answers.last_place());
 }
 
 void LogWriter::Impl::commit_rows() {
@@ -247,6 +249,7 @@ void LogWriter::Impl::commit_rows() {
     return;
   }
   const auto start = std::chrono::steady_clock::now();
+  write([this] { insert_kept(); });
   const bool coverage = urgent || since_coverage + 1 >= kCommitsPerCoverage || part_end.over(part().bytes());
   write([&] {
     if (coverage) {
@@ -386,32 +389,24 @@ StreamState& LogWriter::Impl::stream(RobotId robot, Source source) {
   return found->second;
 }
 
-void LogWriter::Impl::insert(StreamState& state, const Answer& answer) {
-  const bool delta = state.previous_id != 0 && state.deltas < options.keyframe_every;
-  const HotEncoder::Stored stored = encoder.encode(answer.body, delta ? &state.previous : nullptr);
-  HotRow row;
-  row.id = next_row;
-  row.source = static_cast<std::int64_t>(answer.meta.source);
-  row.meta = answer.meta;
-  row.base = stored.needs_base ? state.previous_id : 0;
-  row.length = answer.body.size();
-  row.header = answer.header;
-  row.body = stored.bytes;
-  part().put(row);
+void LogWriter::Impl::keep(StreamState& state, const Answer& answer) {
+  const bool full = answers.keep(state, answer);
   part_end.add(answer.meta.t_send_us);
   newest_us = answer.meta.t_send_us;
-  ++next_row;
-  state.previous = answer.body;
-  state.previous_id = row.id;
-  state.deltas = stored.needs_base ? state.deltas + 1 : 0;
-  hot.add({answer.meta.session, answer.meta.robot, answer.meta.source}, row.id, answer.meta.t_send_us, row.length,
-          row.body.size());
-  state.count.add(answer.meta, row.length);
+  state.count.add(answer.meta, answer.body.size());
   ++state.tally.stored;
   state.dirty = true;
   ++stats.rows;
-  stats.body_bytes += row.length;
-  stats.stored_bytes += stored.bytes.size() + answer.header.size();
+  stats.body_bytes += answer.body.size();
+  if (full) {
+    insert_kept();
+  }
+}
+
+void LogWriter::Impl::insert_kept() {
+  if (session) {
+    stats.stored_bytes += answers.insert(session->id, streams, part(), hot);
+  }
 }
 
 void LogWriter::Impl::declare(const Stream& declared) {
@@ -539,7 +534,7 @@ void LogWriter::append(const Answer& answer) {
   assert(answer.meta.seq >= state.count.next_seq && "polls of a stream are appended in order, each once");
   impl_->write_polls(state, answer.meta.seq + 1, [&] {
     impl_->turn_day(answer.meta.t_send_us);
-    impl_->write([&] { impl_->insert(state, answer); });
+    impl_->write([&] { impl_->keep(state, answer); });
   });
 }
 

@@ -3,7 +3,8 @@
 // One connection does all writes and all checkpoints (SQLite 3.40.1 has the WAL-reset bug).
 //
 // Thread rule: one thread. Everything appended since the last commit() is lost by a kill, and becomes a gap row with
-// cause recorder_killed when the log is opened again.
+// cause recorder_killed when the log is opened again. Answers wait in memory for the commit(), some megabytes of them:
+// where there are more, they are written ahead of it.
 //
 // When the disk fails, the call throws Error and everything since the last commit() is lost; the writer can be used on.
 // The polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report
@@ -28,7 +29,7 @@ namespace tacho::store {
 struct WriterOptions {
   std::uint64_t part_bytes = 256u << 20;  ///< a part is closed when it is larger; smaller parts confine damage better
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
-  int keyframe_every = 60;                ///< a row in full after so many deltas; smaller = larger log, faster seek
+  int keyframe_every = 120;               ///< answers that depend on one row; smaller = larger log, faster seek
   int zstd_level = 3;
   std::uint64_t wal_bytes = 32u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
   bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
@@ -85,11 +86,11 @@ class LogWriter {
   struct Stats {
     std::uint64_t rows = 0;
     std::uint64_t body_bytes = 0;
-    std::uint64_t stored_bytes = 0;
-    std::uint64_t lost = 0;  ///< polls that failed transactions cost
+    std::uint64_t stored_bytes = 0;  ///< of body_bytes, once committed, with numbers and times
+    std::uint64_t lost = 0;          ///< polls that failed transactions cost
     std::uint64_t commits = 0;
     std::uint64_t parts = 0;
-    std::chrono::microseconds last_commit{0};
+    std::chrono::microseconds last_commit{0};  ///< packing the answers, inserting them, and making all durable
   };
   [[nodiscard]] const Stats& stats() const;
   /// How long the disk will do; reads the head of every part. Throws Error.

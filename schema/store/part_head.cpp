@@ -115,9 +115,6 @@ void read_ends(Connection& connection, PartHead& head) {
     end = kUnknownEnd;
     survive(head, table, [&] { end = connection.integer(fmt::format("SELECT max({}) FROM {}", column, table)); });
   };
-  std::int64_t hot = 0;
-  end_of("id", "hot", hot);
-  head.ends.row = std::max(hot, head.row.counted_to);  // rows are counted before they move into blocks
   end_of("id", "gap", head.ends.gap);
   end_of("id", "event", head.ends.event);
   end_of("id", "clock", head.ends.clock);
@@ -126,10 +123,16 @@ void read_ends(Connection& connection, PartHead& head) {
 void read_counts(Connection& connection, PartHead& head) {
   survive(head, "the coverage table", [&] { head.counts = read_coverage_rows(connection, head.vocabulary); });
   survive(head, "the table of unknown keys", [&] { head.unknown_keys = read_unknown_keys(connection); });
-  if (head.damage.empty()) {
-    survive(head, "the newest answers",
-            [&] { add_hot_rows(connection, head.vocabulary, head.row.counted_to, head.counts); });
-  }
+  const bool whole = head.damage.empty();
+  head.ends.row = kUnknownEnd;
+  survive(head, "the newest answers", [&] {
+    StreamCounts counts = head.counts;
+    // Answers are counted before they move into blocks: all that are newer are hot.
+    head.ends.row = add_hot_rows(connection, head.vocabulary, head.row.counted_to, counts);
+    if (whole) {
+      head.counts = std::move(counts);
+    }
+  });
   GapReading gaps;
   survive(head, "the table of gaps", [&] { gaps = read_gap_counts(connection); });
   head.gaps = std::move(gaps.counts);

@@ -23,11 +23,11 @@ void count_hot_rows(PartWriter& part) {
   const std::int64_t counted_to = read_part_row(connection).counted_to;
   part.begin();
   StreamCounts counts = read_coverage_rows(connection, vocabulary);
-  add_hot_rows(connection, vocabulary, counted_to, counts);
+  const std::int64_t last = add_hot_rows(connection, vocabulary, counted_to, counts);
   for (const auto& [key, count] : counts) {
     part.put(key, count);
   }
-  part.set_counted_to(std::max(counted_to, connection.integer("SELECT ifnull(max(id), 0) FROM hot")));
+  part.set_counted_to(last);
   part.commit();
 }
 

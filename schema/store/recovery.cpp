@@ -116,7 +116,7 @@ void end_killed_sessions(PartWriter& part, PartHead& head) {
   for (const auto& [key, count] : head.counts) {
     part.put(key, count);
   }
-  part.set_counted_to(std::max(head.row.counted_to, head.ends.row));
+  part.set_counted_to(head.ends.row);
   part.commit();
 }
 

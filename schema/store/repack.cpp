@@ -26,21 +26,21 @@ Stream stream_of(Connection& connection, const StreamKey& key) {
   return found ? found->stream : stream;
 }
 
-/// One more row of the rows that become one block.
-void extend(BlockRow& place, const StreamKey& key, const HotRow& row) {
-  if (place.rows == 0) {
-    place.robot = key.robot;
-    place.source = static_cast<std::int64_t>(key.source);
-    place.session = key.session;
-    place.seq_from = row.meta.seq;
-    place.row_from = row.id;
-    place.t_from_us = place.t_to_us = row.meta.t_send_us;
+/// One more of the answers that become one block.
+void extend(BlockRow& block, const AnswerMeta& meta, std::int64_t place) {
+  if (block.rows == 0) {
+    block.robot = meta.robot;
+    block.source = static_cast<std::int64_t>(meta.source);
+    block.session = meta.session;
+    block.seq_from = meta.seq;
+    block.row_from = place;
+    block.t_from_us = block.t_to_us = meta.t_send_us;
   }
-  place.seq_to = row.meta.seq;
-  place.row_to = row.id;
-  place.t_from_us = std::min(place.t_from_us, row.meta.t_send_us);
-  place.t_to_us = std::max(place.t_to_us, row.meta.t_send_us);
-  ++place.rows;
+  block.seq_to = meta.seq;
+  block.row_to = place;
+  block.t_from_us = std::min(block.t_from_us, meta.t_send_us);
+  block.t_to_us = std::max(block.t_to_us, meta.t_send_us);
+  ++block.rows;
 }
 
 /// Leaves the rows that are not in `gone` (sorted). The table is emptied and those are put back: SQLite then frees its
@@ -48,72 +48,91 @@ void extend(BlockRow& place, const StreamKey& key, const HotRow& row) {
 void keep_others(Connection& connection, const std::vector<std::int64_t>& gone) {
   connection.exec("CREATE TEMP TABLE IF NOT EXISTS kept AS SELECT * FROM hot WHERE 0");
   {
-    Statement keep(connection, "INSERT INTO temp.kept SELECT * FROM main.hot WHERE id > ?1 AND id < ?2");
-    std::int64_t after = 0;
-    for (const std::int64_t id : gone) {
-      if (id > after + 1) {
-        keep.run(after, id);
+    Statement ids(connection, "SELECT id FROM main.hot ORDER BY id");
+    Statement keep(connection, "INSERT INTO temp.kept SELECT * FROM main.hot WHERE id = ?1");
+    auto next = gone.begin();
+    while (ids.step()) {
+      const std::int64_t id = ids.integer(0);
+      next = std::lower_bound(next, gone.end(), id);
+      if (next == gone.end() || *next != id) {
+        keep.run(id);
       }
-      after = id;
     }
-    keep.run(after, std::numeric_limits<std::int64_t>::max());
   }
   connection.exec("DELETE FROM main.hot; INSERT INTO main.hot SELECT * FROM temp.kept; DELETE FROM temp.kept");
 }
 
+void add(HotLedger::Sums& to, const HotLedger::Sums& sums) {
+  to.first_us = to.answers == 0 ? sums.first_us : std::min(to.first_us, sums.first_us);
+  to.last_us = to.answers == 0 ? sums.last_us : std::max(to.last_us, sums.last_us);
+  to.answers += sums.answers;
+  to.bytes += sums.bytes;
+  to.stored += sums.stored;
+}
+
+/// Those that were summed up are the oldest.
+void take(HotLedger::Sums& from, const HotLedger::Sums& sums) {
+  from.first_us = std::max(from.first_us, sums.last_us);
+  from.answers -= sums.answers;
+  from.bytes -= sums.bytes;
+  from.stored -= sums.stored;
+}
+
 }  // namespace
 
-void HotLedger::add(const StreamKey& key, std::int64_t id, Micros t_us, std::uint64_t bytes, std::uint64_t stored) {
-  Rows& rows = streams_[key];
-  rows.first_us = rows.ids.empty() ? t_us : std::min(rows.first_us, t_us);
-  rows.last_us = rows.ids.empty() ? t_us : std::max(rows.last_us, t_us);
-  rows.ids.push_back(id);
-  rows.bytes += bytes;
-  rows.stored += stored;
+HotLedger::Sums HotLedger::sums_of(const std::vector<HotMark>& marks, std::uint64_t stored) {
+  Sums sums;
+  for (const HotMark& mark : marks) {
+    store::add(sums, {1, mark.length, 0, mark.t_send_us, mark.t_send_us});
+  }
+  sums.stored = stored;
+  return sums;
+}
+
+void HotLedger::add(const StreamKey& key, std::int64_t id, Sums row) {
+  row.stored += kRowBytes;
+  Stream& stream = streams_[key];
+  stream.ids.push_back(id);
+  store::add(stream.sums, row);
 }
 
 void HotLedger::commit() {
-  for (auto& [key, rows] : streams_) {
-    rows.committed = rows.ids.size();
+  for (auto& [key, stream] : streams_) {
+    stream.committed = stream.sums;
+    stream.committed_ids = stream.ids.size();
   }
 }
 
 void HotLedger::roll_back() {
-  // Times and bytes only say when a block is due; they may stay as they are.
-  for (auto& [key, rows] : streams_) {
-    rows.ids.resize(rows.committed);
+  for (auto& [key, stream] : streams_) {
+    stream.sums = stream.committed;
+    stream.ids.resize(stream.committed_ids);
   }
   std::erase_if(streams_, [](const auto& entry) { return entry.second.ids.empty(); });
 }
 
 void HotLedger::load(Connection& connection, const Vocabulary& vocabulary) {
-  Statement row(connection, "SELECT id, session, robot, source, t_send_us, length, length(body) FROM hot ORDER BY id");
-  row.query();
-  while (row.step()) {
-    const std::int64_t source = row.integer(3);
-    if (source >= 0 && source < 256 && vocabulary.source[static_cast<std::size_t>(source)]) {
-      add({static_cast<SessionId>(row.integer(1)), static_cast<RobotId>(row.integer(2)),
-           *vocabulary.source[static_cast<std::size_t>(source)]},
-          row.integer(0), row.integer(4), static_cast<std::uint64_t>(row.integer(5)),
-          static_cast<std::uint64_t>(row.integer(6)));
-    }
-  }
+  for_each_hot_row(connection, vocabulary, 0,
+                   [this](const HotRow& row, Source source, const std::vector<HotMark>& marks) {
+                     add({row.session, row.robot, source}, row.id, sums_of(marks, row.data.size()));
+                   });
   commit();
 }
 
 std::uint64_t HotLedger::stored() const {
   return std::accumulate(streams_.begin(), streams_.end(), std::uint64_t{0},
-                         [](std::uint64_t sum, const auto& entry) { return sum + entry.second.stored; });
+                         [](std::uint64_t sum, const auto& entry) { return sum + entry.second.sums.stored; });
 }
 
 std::vector<StreamKey> HotLedger::due() const {
   bool some = stored() >= kMostStored;
   std::vector<StreamKey> worthwhile;
-  for (const auto& [key, rows] : streams_) {
-    const bool full = rows.ids.size() >= kMostRows || rows.bytes >= kMostBytes;
-    const bool good = rows.ids.size() >= kGoodRows && rows.last_us - rows.first_us >= kGoodSpanUs;
+  for (const auto& [key, stream] : streams_) {
+    const Sums& sums = stream.sums;
+    const bool full = sums.answers >= kMostAnswers || sums.bytes >= kMostBytes;
+    const bool good = sums.answers >= kGoodAnswers && sums.last_us - sums.first_us >= kGoodSpanUs;
     some = some || full || good;
-    if (full || rows.ids.size() >= kWorthwhileRows) {
+    if (full || sums.answers >= kWorthwhileAnswers) {
       worthwhile.push_back(key);
     }
   }
@@ -122,38 +141,30 @@ std::vector<StreamKey> HotLedger::due() const {
 
 std::vector<StreamKey> HotLedger::all() const {
   std::vector<StreamKey> keys;
-  for (const auto& [key, rows] : streams_) {
+  for (const auto& [key, stream] : streams_) {
     keys.push_back(key);
   }
   return keys;
 }
 
-std::span<const std::int64_t> HotLedger::rows(const StreamKey& key) const {
-  const auto found = streams_.find(key);
-  return found == streams_.end() ? std::span<const std::int64_t>() : found->second.ids;
-}
-
-void HotLedger::forget(const StreamKey& key, std::size_t count) {
-  Rows& rows = streams_.at(key);
-  assert(count <= rows.committed);
-  if (count == rows.ids.size()) {
+void HotLedger::forget(const StreamKey& key, const Rows& moved) {
+  Stream& stream = streams_.at(key);
+  assert(moved.ids.size() <= stream.committed_ids);
+  if (moved.ids.size() == stream.ids.size()) {
     streams_.erase(key);
     return;
   }
-  const double left = 1.0 - static_cast<double>(count) / static_cast<double>(rows.ids.size());
-  rows.ids.erase(rows.ids.begin(), rows.ids.begin() + static_cast<std::ptrdiff_t>(count));
-  rows.ids.shrink_to_fit();
-  rows.committed -= count;
-  rows.first_us = rows.last_us;  // rows came while these were packed: a few, of a moment ago
-  rows.bytes = static_cast<std::uint64_t>(static_cast<double>(rows.bytes) * left);
-  rows.stored = static_cast<std::uint64_t>(static_cast<double>(rows.stored) * left);
+  stream.ids.erase(stream.ids.begin(), stream.ids.begin() + static_cast<std::ptrdiff_t>(moved.ids.size()));
+  stream.ids.shrink_to_fit();
+  stream.committed_ids -= moved.ids.size();
+  take(stream.sums, moved.sums);
+  take(stream.committed, moved.sums);
 }
 
 void Repacker::begin(const HotLedger& hot, const std::vector<StreamKey>& streams) {
   drop();
   for (auto key = streams.rbegin(); key != streams.rend(); ++key) {
-    const std::span<const std::int64_t> ids = hot.rows(*key);
-    waiting_.push_back({*key, {ids.begin(), ids.end()}});
+    waiting_.push_back({*key, hot.rows(*key)});
   }
 }
 
@@ -164,10 +175,10 @@ void Repacker::drop() {
 }
 
 bool Repacker::pack(Connection& connection, Deadline until) {
-  const Vocabulary vocabulary = read_vocabulary(connection);
   while (!waiting_.empty() && packed_bytes_ < kMostPacked) {
-    packed_.push_back(pack(connection, vocabulary, waiting_.back()));
+    Waiting next = std::move(waiting_.back());
     waiting_.pop_back();
+    packed_.push_back(pack(connection, std::move(next)));
     for (const Block& block : packed_.back().blocks) {
       packed_bytes_ += block.data.size();
     }
@@ -178,19 +189,17 @@ bool Repacker::pack(Connection& connection, Deadline until) {
   return waiting_.empty() || packed_bytes_ >= kMostPacked;
 }
 
-Repacker::Packed Repacker::pack(Connection& connection, const Vocabulary& vocabulary, const Waiting& rows) const {
-  const StreamKey& key = rows.key;
+Repacker::Packed Repacker::pack(Connection& connection, Waiting from) const {
+  const StreamKey& key = from.key;
   Statement fetch(connection, select_sql("hot") + " WHERE id = ?1");
-  BodyChain chain(connection, vocabulary);
+  BodyChain chain(connection);
   const Stream stream = stream_of(connection, key);
-  BlockEncoder encoder({HotLedger::kMostRows, level_, stream.word_order});
+  BlockEncoder encoder({HotLedger::kMostAnswers, level_, stream.word_order});
   std::optional<RollupMaker> rollups;
   if (const FieldSet fields = decode_ ? rollup_fields(connection, stream) : FieldSet(); fields.any()) {
     rollups.emplace(decode_, stream, fields);
   }
   Packed out;
-  out.key = key;
-  out.rows = rows.ids.size();
   BlockRow place;
   std::uint64_t bytes = 0;
   const auto flush = [&] {
@@ -202,33 +211,38 @@ Repacker::Packed Repacker::pack(Connection& connection, const Vocabulary& vocabu
       bytes = 0;
     }
   };
-  for (const std::int64_t id : rows.ids) {
-    fetch.query(id);
-    if (!fetch.step()) {
-      continue;
-    }
-    const HotRow row = read_hot(fetch, vocabulary);
-    const std::string* body = checksum(row) == row.crc ? chain.body(row) : nullptr;
-    if (body == nullptr) {
-      continue;
-    }
-    const Answer answer{row.meta, *body, std::string(row.header)};
-    if (bytes >= HotLedger::kMostBytes || !encoder.add(answer, id)) {
+  const auto add = [&](const Answer& answer, std::int64_t at) {
+    if (bytes >= HotLedger::kMostBytes || !encoder.add(answer, at)) {
       flush();
-      [[maybe_unused]] const bool taken = encoder.add(answer, id);
+      [[maybe_unused]] const bool taken = encoder.add(answer, at);
       assert(taken && "the first answer of a block is always taken");
     }
-    extend(place, key, row);
-    out.ids.push_back(id);
-    bytes += row.length;
+    extend(place, answer.meta, at);
+    bytes += answer.body.size();
     if (rollups) {
       rollups->add(answer);
+    }
+  };
+  HotBatch batch;
+  Answer answer;
+  answer.meta = {key.robot, key.source, key.session, 0, 0, 0};
+  for (const std::int64_t id : from.rows.ids) {
+    fetch.query(id);
+    const HotRow row = fetch.step() ? read_hot(fetch) : HotRow{};
+    if (row.id != id || !is_whole(row) || !chain.open(row, batch)) {
+      continue;
+    }
+    out.ids.push_back(id);
+    for (const HotMark& mark : batch.marks) {
+      batch.fill(mark, answer);
+      add(answer, mark.place);
     }
   }
   flush();
   if (rollups) {
     out.rollups = rollups->take();
   }
+  out.from = std::move(from);
   return out;
 }
 
@@ -251,7 +265,7 @@ void Repacker::store(PartWriter& part) const {
 
 void Repacker::stored(HotLedger& hot) {
   for (const Packed& packed : packed_) {
-    hot.forget(packed.key, packed.rows);
+    hot.forget(packed.from.key, packed.from.rows);
   }
   packed_.clear();
   packed_bytes_ = 0;

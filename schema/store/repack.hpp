@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +11,7 @@
 #include "schema/store/block/block_encoder.hpp"
 #include "schema/store/coverage.hpp"
 #include "schema/store/decode.hpp"
+#include "schema/store/hot_codec.hpp"
 #include "schema/store/part_writer.hpp"
 #include "schema/store/rollup.hpp"
 
@@ -20,8 +20,17 @@ namespace tacho::store {
 /// Which rows of a part are hot, by stream, oldest first. Follows the writer's transactions.
 class HotLedger {
  public:
-  /// `bytes` of the body as received, `stored` in the part.
-  void add(const StreamKey& key, std::int64_t id, Micros t_us, std::uint64_t bytes, std::uint64_t stored);
+  /// What one row has, or several.
+  struct Sums {
+    std::uint64_t answers = 0;
+    std::uint64_t bytes = 0;   ///< of the bodies as received
+    std::uint64_t stored = 0;  ///< in the part
+    Micros first_us = 0;
+    Micros last_us = 0;
+  };
+  /// `stored`: bytes of the row's data.
+  static Sums sums_of(const std::vector<HotMark>& marks, std::uint64_t stored);
+  void add(const StreamKey& key, std::int64_t id, Sums row);
   void commit();
   void roll_back();
   /// Rows a part already has.
@@ -32,31 +41,34 @@ class HotLedger {
   [[nodiscard]] std::vector<StreamKey> due() const;
   /// All streams with rows.
   [[nodiscard]] std::vector<StreamKey> all() const;
-  [[nodiscard]] std::span<const std::int64_t> rows(const StreamKey& key) const;
-  /// The oldest rows of a stream have moved.
-  void forget(const StreamKey& key, std::size_t rows);
+  /// Rows of one stream.
+  struct Rows {
+    std::vector<std::int64_t> ids;
+    Sums sums;
+  };
+  [[nodiscard]] const Rows& rows(const StreamKey& key) const { return streams_.at(key); }
+  /// The oldest rows of a stream have moved: those that rows() were.
+  void forget(const StreamKey& key, const Rows& moved);
   [[nodiscard]] bool empty() const { return streams_.empty(); }
-  /// Bodies of all rows as they are in the part; about, once some have moved.
+  /// Room that all rows take in the part.
   [[nodiscard]] std::uint64_t stored() const;
 
-  // A block of fewer rows costs more per answer, one of more saves little (see README) and takes longer to make.
-  static constexpr std::size_t kGoodRows = 600;
+  // A block of fewer answers costs more per answer, one of more saves little (see README) and takes longer to make.
+  static constexpr std::uint64_t kGoodAnswers = 600;
   static constexpr Micros kGoodSpanUs = 1'800'000'000;
-  static constexpr std::size_t kWorthwhileRows = 150;
-  static constexpr std::size_t kMostRows = 16384;
+  static constexpr std::uint64_t kWorthwhileAnswers = 150;
+  static constexpr std::uint64_t kMostAnswers = 16384;
   static constexpr std::uint64_t kMostBytes = 16u << 20;   ///< of bodies; they are all in memory while a block is made
   static constexpr std::uint64_t kMostStored = 16u << 20;  ///< of all streams: what moves together is in memory, packed
 
  private:
-  struct Rows {
-    std::vector<std::int64_t> ids;
-    std::size_t committed = 0;
-    Micros first_us = 0;
-    Micros last_us = 0;
-    std::uint64_t bytes = 0;
-    std::uint64_t stored = 0;
+  static constexpr std::uint64_t kRowBytes = 40;  ///< columns and b-tree of a row beside its data
+
+  struct Stream : Rows {
+    std::size_t committed_ids = 0;
+    Sums committed;
   };
-  std::map<StreamKey, Rows> streams_;
+  std::map<StreamKey, Stream> streams_;
 };
 
 using Deadline = std::chrono::steady_clock::time_point;
@@ -95,16 +107,15 @@ class Repacker {
     BlockRow row;
     std::string data;
   };
-  struct Packed {
-    StreamKey key;
-    std::size_t rows = 0;  ///< of the ledger, damaged ones too
-    std::vector<std::int64_t> ids;
-    std::vector<Block> blocks;
-    Rollups rollups;
-  };
   struct Waiting {
     StreamKey key;
-    std::vector<std::int64_t> ids;
+    HotLedger::Rows rows;
+  };
+  struct Packed {
+    Waiting from;                   ///< damaged rows too
+    std::vector<std::int64_t> ids;  ///< of rows that are in the blocks
+    std::vector<Block> blocks;
+    Rollups rollups;
   };
   static constexpr std::uint64_t kMostPacked = 32u << 20;
 
@@ -114,7 +125,7 @@ class Repacker {
   std::vector<Packed> packed_;
   std::uint64_t packed_bytes_ = 0;
 
-  [[nodiscard]] Packed pack(Connection& connection, const Vocabulary& vocabulary, const Waiting& rows) const;
+  [[nodiscard]] Packed pack(Connection& connection, Waiting from) const;
 };
 
 }  // namespace tacho::store

@@ -85,17 +85,20 @@ std::int64_t checksum(const Rollup& r, std::int64_t source, std::int64_t field) 
 std::int64_t checksum(const HotRow& row) {
   return Checksum()
       .add(row.id)
+      .add(wide(row.robot))
       .add(row.source)
-      .add(wide(row.meta.robot))
-      .add(wide(row.meta.session))
-      .add(wide(row.meta.seq))
-      .add(row.meta.t_send_us)
-      .add(row.meta.t_recv_us)
+      .add(wide(row.session))
+      .add(wide(row.seq))
+      .add(row.t_send_us)
       .add(row.base)
-      .add(wide(row.length))
-      .add(row.header)
-      .add(row.body)
+      .add(wide(row.rows))
+      .add(row.data)
       .value();
+}
+
+std::optional<Source> source_of(const HotRow& row, const Vocabulary& vocabulary) {
+  const auto number = static_cast<std::uint64_t>(row.source);
+  return number < vocabulary.source.size() ? vocabulary.source[static_cast<std::size_t>(number)] : std::nullopt;
 }
 
 void write(Statement& insert, const Robot& r) {
@@ -115,11 +118,8 @@ void write(Statement& insert, const StreamRow& row) {
 
 void write(Statement& insert, const HotRow& row) {
   const std::optional<std::int64_t> base = row.base == 0 ? std::nullopt : std::optional(row.base);
-  const std::optional<Statement::Blob> header =
-      row.header.empty() ? std::nullopt : std::optional(Statement::Blob{row.header});
-  insert.run(row.id, row.meta.robot, row.source, row.meta.session, row.meta.seq, row.meta.t_send_us,
-             row.meta.t_recv_us - row.meta.t_send_us, base, row.length, checksum(row), header,
-             Statement::Blob{row.body});
+  insert.run(row.id, row.robot, row.source, row.session, row.seq, row.t_send_us, base, row.rows, checksum(row),
+             Statement::Blob{row.data});
 }
 
 void write(Statement& insert, const BlockRow& b) {
@@ -182,25 +182,18 @@ std::optional<StreamRow> read_stream(const Statement& row) {
   return out;
 }
 
-HotRow read_hot(const Statement& row, const Vocabulary& vocabulary) {
+HotRow read_hot(const Statement& row) {
   HotRow out;
   out.id = row.integer(0);
-  out.meta.robot = static_cast<RobotId>(row.integer(1));
+  out.robot = static_cast<RobotId>(row.integer(1));
   out.source = row.integer(2);
-  if (out.source >= 0 && out.source < 256) {
-    out.meta.source = vocabulary.source[static_cast<std::size_t>(out.source)].value_or(Source::status);
-  }
-  out.meta.session = static_cast<SessionId>(row.integer(3));
-  out.meta.seq = static_cast<std::uint64_t>(row.integer(4));
-  out.meta.t_send_us = row.integer(5);
-  // Unsigned, because a damaged row may hold anything; its checksum is looked at later.
-  out.meta.t_recv_us =
-      static_cast<Micros>(static_cast<std::uint64_t>(row.integer(5)) + static_cast<std::uint64_t>(row.integer(6)));
-  out.base = row.integer(7);
-  out.length = static_cast<std::uint64_t>(row.integer(8));
-  out.crc = row.integer(9);
-  out.header = row.bytes(10);
-  out.body = row.bytes(11);
+  out.session = static_cast<SessionId>(row.integer(3));
+  out.seq = static_cast<std::uint64_t>(row.integer(4));
+  out.t_send_us = row.integer(5);
+  out.base = row.integer(6);
+  out.rows = static_cast<std::uint64_t>(row.integer(7));
+  out.crc = row.integer(8);
+  out.data = row.bytes(9);
   return out;
 }
 

@@ -19,18 +19,23 @@ struct StreamRow {
   std::uint64_t seq_from = 0;
 };
 
-/// One row of `hot`. `header` and `body` belong to somebody else.
+/// One row of `hot`: answers of one stream, as they arrived between two commits. `data` belongs to somebody else.
 struct HotRow {
-  std::int64_t id = 0;
+  std::int64_t id = 0;  ///< place of the first answer among all of the part
+  RobotId robot = 0;
   std::int64_t source = 0;  ///< number of the part's code list
-  AnswerMeta meta;          ///< meta.source is not stored; set from `source` by the reader
-  std::int64_t base = 0;    ///< 0: a keyframe
-  std::uint64_t length = 0;
+  SessionId session = 0;
+  std::uint64_t seq = 0;   ///< of the first answer
+  Micros t_send_us = 0;    ///< likewise
+  std::int64_t base = 0;   ///< 0: a keyframe
+  std::uint64_t rows = 0;  ///< answers
   std::int64_t crc = 0;
-  std::string_view header;
-  std::string_view body;
+  std::string_view data;  ///< hot_codec.hpp
 };
 std::int64_t checksum(const HotRow& row);
+inline bool is_whole(const HotRow& row) { return checksum(row) == row.crc; }
+/// Empty when the number means nothing here.
+std::optional<Source> source_of(const HotRow& row, const Vocabulary& vocabulary);
 
 /// One row of `block`. `data` belongs to somebody else.
 struct BlockRow {
@@ -63,8 +68,8 @@ Robot read_robot(const Statement& row);
 Session read_session(const Statement& row);
 /// Empty when the source or word order has no meaning here.
 std::optional<StreamRow> read_stream(const Statement& row);
-/// Views are valid until the statement moves on.
-HotRow read_hot(const Statement& row, const Vocabulary& vocabulary);
+/// Anything, where the row is damaged: look at its checksum. `data` is valid until the statement moves on.
+HotRow read_hot(const Statement& row);
 /// The columns of kBlockPlaces. Empty when the checksum does not fit.
 std::optional<BlockRow> read_block_place(const Statement& row);
 inline constexpr std::string_view kBlockPlaces =

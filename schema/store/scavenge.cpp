@@ -129,8 +129,8 @@ void Rebuild::collect(const fs::path& file) {
     tables.push_back({RecordShape(out_, name, "OR IGNORE"), std::move(good)});
   };
   with_checksum("hot", [this](const Statement& row) {
-    const HotRow hot = read_hot(row, vocabulary_);
-    return hot.source >= 0 && hot.source < static_cast<std::int64_t>(kSourceCount) && checksum(hot) == hot.crc;
+    const HotRow hot = read_hot(row);
+    return source_of(hot, vocabulary_) && is_whole(hot);
   });
   with_checksum("block", [](const Statement& row) { return read_block_place(row).has_value(); });
   with_checksum("gap", [](const Statement& row) { return read_gap(row).has_value(); });
@@ -290,10 +290,17 @@ bool Rebuild::is_of_this_log() {
   return true;
 }
 
-/// Hot rows that blocks give back are copies from before they were moved.
+/// Hot rows of which blocks give an answer back are copies from before they were moved.
 void Rebuild::drop_moved_rows() {
+  out_.exec("CREATE TEMP TABLE hot_place (place INTEGER PRIMARY KEY, row INTEGER)");
+  Statement note(out_, "INSERT OR IGNORE INTO temp.hot_place VALUES(?1, ?2)");
+  for_each_hot_row(out_, vocabulary_, 0, [&](const HotRow& row, Source, const std::vector<HotMark>& marks) {
+    for (const HotMark& mark : marks) {
+      note.run(mark.place, row.id);
+    }
+  });
   Statement block(out_, "SELECT data FROM block");
-  Statement drop(out_, "DELETE FROM hot WHERE id = ?1");
+  Statement drop(out_, "DELETE FROM hot WHERE id = (SELECT row FROM temp.hot_place WHERE place = ?1)");
   BlockDecoder decoder;
   std::vector<std::int64_t> places;
   while (out_.integer("SELECT EXISTS (SELECT 1 FROM hot)") != 0 && block.step()) {
@@ -302,17 +309,19 @@ void Rebuild::drop_moved_rows() {
     }
   }
   block.reset();
+  out_.exec("DROP TABLE temp.hot_place");
 }
 
 /// Hot rows whose chain of bases is broken say nothing.
 void Rebuild::drop_bodiless_rows() {
   Statement ids(out_, "SELECT id FROM hot ORDER BY id");
   Statement fetch(out_, select_sql("hot") + " WHERE id = ?1");
-  BodyChain chain(out_, vocabulary_);
+  BodyChain chain(out_);
+  HotBatch batch;
   std::vector<std::int64_t> lost;
   while (ids.step()) {
     fetch.query(ids.integer(0));
-    if (fetch.step() && chain.body(read_hot(fetch, vocabulary_)) == nullptr) {
+    if (fetch.step() && !chain.open(read_hot(fetch), batch)) {
       lost.push_back(ids.integer(0));
     }
   }

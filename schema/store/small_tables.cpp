@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "schema/store/hot_scan.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/schema_sql.hpp"
 
@@ -47,10 +48,12 @@ class Mender {
   std::map<StreamKey, Trace> traces_;
   std::map<SessionId, Micros> sessions_;  ///< that left rows -> first time in them
   std::set<RobotId> robots_;              ///< likewise
+  std::int64_t last_place_ = 0;           ///< of hot answers
 
   void note(std::string text) { mending_.notes.push_back(std::move(text)); }
   [[nodiscard]] bool trusted(const char* table) const { return damaged_->count(table) == 0; }
   void trace();
+  void trace_hot();
   void saw(SessionId session, RobotId robot, Micros t_us);
   void mend();
   void mend_sessions();
@@ -69,7 +72,26 @@ void Mender::saw(SessionId session, RobotId robot, Micros t_us) {
   }
 }
 
+void Mender::trace_hot() {
+  for_each_hot_row(*out_, read_vocabulary(*out_), 0,
+                   [this](const HotRow& row, Source source, const std::vector<HotMark>& marks) {
+                     Trace& trace = traces_[{row.session, row.robot, source}];
+                     trace.seq_from = std::min(trace.seq_from, row.seq);
+                     trace.seq_to = std::max(trace.seq_to, marks.back().seq + 1);
+                     for (const HotMark& mark : marks) {
+                       trace.t_from_us = std::min(trace.t_from_us, mark.t_send_us);
+                       trace.t_to_us = std::max(trace.t_to_us, mark.t_send_us);
+                       trace.count.bytes += mark.length;
+                     }
+                     trace.count.stored += row.rows;
+                     trace.count.next_seq = trace.seq_to;
+                     last_place_ = std::max(last_place_, marks.back().place);
+                     saw(row.session, row.robot, trace.t_from_us);
+                   });
+}
+
 void Mender::trace() {
+  trace_hot();
   const auto polls = [&](const char* sql, bool stored, const auto& source_of) {
     Statement row(*out_, sql);
     while (row.step()) {
@@ -99,10 +121,6 @@ void Mender::trace() {
   polls(
       "SELECT session, robot, source, min(seq_from), max(seq_to), min(t_from_us), max(t_to_us), sum(rows), 0 "
       "FROM block GROUP BY 1, 2, 3",
-      true, by_number);
-  polls(
-      "SELECT session, robot, source, min(seq), max(seq), min(t_send_us), max(t_send_us), count(*), sum(length) "
-      "FROM hot GROUP BY 1, 2, 3",
       true, by_number);
   polls(
       "SELECT session, robot, source, min(seq_from), max(seq_from + seq_count - 1), min(t_from_us), max(t_to_us) "
@@ -236,8 +254,7 @@ void Mender::mend() {
     trace.count.last_us = trace.t_to_us;
     write(coverage, key, trace.count);
   }
-  part_.counted_to = std::max(out_->integer("SELECT ifnull(max(id), 0) FROM hot"),
-                              out_->integer("SELECT ifnull(max(row_to), 0) FROM block"));
+  part_.counted_to = std::max(last_place_, out_->integer("SELECT ifnull(max(row_to), 0) FROM block"));
   out_->exec("DELETE FROM part; DELETE FROM seal");
   Statement part(*out_, insert_sql("part"));
   part.run(part_.log, part_.number, part_.software, false, part_.counted_to);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "schema/store/coverage.hpp"
+#include "schema/store/hot_codec.hpp"
 #include "schema/store/log_writer.hpp"
 #include "schema/store/rows.hpp"
 
@@ -27,15 +28,27 @@ struct StreamState {
   std::uint64_t committed_seq = 0;
   std::optional<std::uint64_t> planned;
   bool dirty = false;
-  std::string previous;  // body of row previous_id, the base of the next row
+  HotBatch pending;      // answers that are not in the part yet
+  std::string previous;  // last body of row previous_id, the base of the next row
   std::int64_t previous_id = 0;
-  int deltas = 0;
+  std::uint64_t deltas = 0;  // answers of rows since the last keyframe
   std::set<std::string, std::less<>> unknown;
 
   /// The next row is a keyframe.
   void forget_previous() {
     previous_id = 0;
     deltas = 0;
+  }
+  /// What the pending answers may be compressed against, when so many may stand between a row and its keyframe.
+  [[nodiscard]] const std::string* base(std::uint64_t keyframe_every) const {
+    return previous_id != 0 && deltas + pending.marks.size() <= keyframe_every ? &previous : nullptr;
+  }
+  /// They are row `id` now.
+  void inserted(std::int64_t id, bool delta) {
+    deltas = delta ? deltas + pending.marks.size() : 0;
+    previous = pending.last_body();
+    previous_id = id;
+    pending.clear();
   }
   void add(const Gap& gap) {
     (gap.partial ? tally.partial : tally.missed[static_cast<std::size_t>(gap.cause)]) += gap.seq_count;
@@ -50,6 +63,7 @@ struct StreamState {
     tally = committed_tally;
     dirty = true;
     unknown.clear();
+    pending.clear();
     forget_previous();
   }
   void begin_part() {

@@ -1,6 +1,6 @@
 // Every byte of a part, one at a time: verify names the damage or nothing has changed, and recover gives back all but
-// one block of one source (of a part that a kill left: all but the answers up to the next keyframe), with gap rows for
-// exactly what is missing.
+// one block of one source (of a part that a kill left: all but one row and those up to the next keyframe), with gap
+// rows for exactly what is missing.
 
 #include <fmt/format.h>
 
@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kPolls = 60;  // of a session
+constexpr int kPollsPerCommit = 4;
 
 using Poll = std::tuple<SessionId, Source, std::uint64_t>;
 
@@ -231,7 +232,7 @@ void record(Workload& work, int polls) {
     point.wall_us = work.time();
     point.mono_us = work.time() - kT0;
     work.writer().add(point);
-    if (i % 20 == 19) {
+    if (i % kPollsPerCommit == kPollsPerCommit - 1) {
       work.commit();
     }
   }
@@ -274,7 +275,7 @@ TEST_CASE(
     store::Connection connection(dir / "log" / "part-000001.db", store::OpenMode::write);
     connection.exec("PRAGMA wal_checkpoint(TRUNCATE)");
   }
-  sweep(dir / "log", {static_cast<std::size_t>(options.keyframe_every) + 1, true});
+  sweep(dir / "log", {static_cast<std::size_t>(options.keyframe_every + kPollsPerCommit), true});
 }
 
 namespace {

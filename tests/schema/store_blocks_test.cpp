@@ -18,7 +18,7 @@ struct Rows {
 
 Rows rows_of(const fs::path& part) {
   store::Connection connection(part, store::OpenMode::read);
-  return {connection.integer("SELECT count(*) FROM hot"), connection.integer("SELECT count(*) FROM block"),
+  return {connection.integer("SELECT ifnull(sum(rows), 0) FROM hot"), connection.integer("SELECT count(*) FROM block"),
           connection.integer("SELECT ifnull(sum(rows), 0) FROM block")};
 }
 

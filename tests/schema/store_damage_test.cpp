@@ -3,6 +3,7 @@
 #include <fstream>
 
 #include "schema/store/sqlite.hpp"
+#include "tests/schema/flip_sweep.hpp"
 #include "tests/schema/store_fixture.hpp"
 #include "tests/support/golden.hpp"
 
@@ -200,24 +201,28 @@ TEST_CASE("a zeroed page in the middle costs its rows and their deltas only") {
     store::WriterOptions options;
     options.keyframe_every = 10;
     options.blocks = false;
+    options.durable = false;
     Recording recording(dir.path(), options);
-    recording.polls(3000);
+    for (int i = 0; i < 1500; ++i) {
+      recording.polls(2);
+      recording.writer.commit();
+    }
     recording.end();
     rows = recording.next;
   }
   const fs::path part = part_files(dir.path())[0];
   {
     // A leaf of a table, from three quarters of the file on: a page above it would cost all leaves below it.
-    constexpr std::uint64_t kPage = 1024;
+    const std::uint64_t page = page_bytes_of(read_file(part));
     constexpr int kLeaf = 0x0D;
     std::fstream file(part, std::ios::in | std::ios::out | std::ios::binary);
-    std::uint64_t at = fs::file_size(part) / kPage * 3 / 4 * kPage;
+    std::uint64_t at = fs::file_size(part) / page * 3 / 4 * page;
     for (file.seekg(static_cast<std::streamoff>(at)); file.peek() != kLeaf;) {
-      at += kPage;
+      at += page;
       file.seekg(static_cast<std::streamoff>(at));
     }
     file.seekp(static_cast<std::streamoff>(at));
-    file << std::string(kPage, '\0');
+    file << std::string(page, '\0');
   }
   store::LogReader log = open_reader(dir.path());
   const std::uint64_t found = check_honest(log);
@@ -228,26 +233,36 @@ TEST_CASE("a zeroed page in the middle costs its rows and their deltas only") {
 }
 
 TEST_CASE("a row that fails its checksum breaks its chain up to the next keyframe, with the range named") {
-  TempDir dir;
-  {
-    store::WriterOptions options;
-    options.keyframe_every = 10;
-    options.blocks = false;
-    Recording recording(dir.path(), options);
-    recording.polls(50);
-    recording.end();
+  const std::vector<std::string> harms{"t_send_us = t_send_us + 1", "rows = 1",
+                                       "data = CAST(x'ff' || substr(data, 2) AS BLOB)",
+                                       "data = CAST(substr(data, 1, length(data) - 1) || x'ff' AS BLOB)"};
+  for (const std::string& harm : harms) {
+    TempDir dir;
+    {
+      store::WriterOptions options;
+      options.keyframe_every = 10;
+      options.blocks = false;
+      Recording recording(dir.path(), options);
+      for (int i = 0; i < 25; ++i) {
+        recording.polls(2);
+        recording.writer.commit();
+      }
+      recording.end();
+    }
+    const fs::path part = part_files(dir.path())[0];
+    {
+      store::Connection connection(part, store::OpenMode::write);
+      CHECK(connection.scalar("SELECT group_concat(seq) FROM hot WHERE base IS NULL") == "0,12,24,36,48");
+      connection.exec("UPDATE hot SET " + harm + " WHERE seq = 14");
+    }
+    store::LogReader log = open_reader(dir.path());
+    const std::vector<Stored> out = stored(log);
+    INFO(harm);
+    CHECK(out.size() == 40);  // a keyframe and five rows that depend on it; polls 14 to 23 are gone
+    CHECK(names(log, part, "checksum"));
+    CHECK(names(log, part, "(poll 16 to 23)"));
+    check_honest(log);
   }
-  const fs::path part = part_files(dir.path())[0];
-  {
-    store::Connection connection(part, store::OpenMode::write);
-    connection.exec("UPDATE hot SET t_send_us = t_send_us + 1 WHERE seq = 14");
-  }
-  store::LogReader log = open_reader(dir.path());
-  const std::vector<Stored> out = stored(log);
-  CHECK(out.size() == 42);  // polls 14 to 21; the next keyframe is poll 22
-  CHECK(names(log, part, "checksum"));
-  CHECK(names(log, part, "(poll 15 to 21)"));
-  check_honest(log);
 }
 
 TEST_CASE("damaged gap and event rows are left out and counted") {

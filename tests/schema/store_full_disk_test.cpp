@@ -211,7 +211,7 @@ TEST_CASE("whenever the power fails while parts are removed, the newest part of 
     bool removing = false;
     disk.before_each_call([&](Call call) {
       removing = removing || call == Call::remove;  // before, while and after a part goes
-      if (random() % (removing ? 40 : 400) == 0) {
+      if (random() % (removing ? 20 : 200) == 0) {
         cuts.push_back({disk.after_power_cut(random), acknowledged});
         removing = false;
       }

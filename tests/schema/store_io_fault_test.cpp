@@ -158,3 +158,44 @@ TEST_CASE("whenever the disk fails for good, the next start on a healthy disk fi
     fail_everywhere(kind, Lasts::for_good);
   }
 }
+
+TEST_CASE("answers that wait in memory when the disk fails are lost together, up to the commit, and no others") {
+  TempDir dir(memory_folder());
+  FaultyDisk disk(dir / "log");
+  {
+    store::WriterOptions options;
+    options.part_per_day = false;
+    Recording recording(dir / "log", options);
+    recording.writer.declare(stream_of(1, 1, Source::registers));
+    recording.polls(3);
+    recording.writer.commit();
+    recording.polls(5);
+    recording.writer.append(answer_of(1, 1, Source::registers, 0, recording.time(), "image"));
+    disk.inject({FaultKind::io_error, disk.calls(), true});
+    recording.polls(2);
+    CHECK_THROWS_AS(recording.writer.commit(), Error);
+    CHECK(recording.writer.tally(1, Source::status).stored == 3);
+    recording.polls(4);  // begins anew: of these nothing is lost
+    disk.heal();
+    recording.writer.commit();
+    CHECK(recording.writer.stats().rows == 7);
+    CHECK(recording.writer.stats().lost == 8);
+    CHECK(recording.writer.tally(1, Source::registers).stored == 0);
+    recording.end();
+  }
+  store::LogReader log = open_reader(dir / "log");
+  std::vector<std::uint64_t> polls;
+  for (const Stored& answer : stored(log)) {
+    CHECK(answer.body == body_of(answer.seq));
+    polls.push_back(answer.seq);
+  }
+  CHECK(polls == std::vector<std::uint64_t>{0, 1, 2, 10, 11, 12, 13});
+  CHECK(coverage_of(log).missed == 7);
+  CHECK(coverage_of(log, 1, Source::registers).missed == 1);
+  for (const Slice& slice : slices(log)) {
+    for (const Gap& gap : slice.gaps) {
+      CHECK(gap.cause == Cause::disk);
+    }
+  }
+  CHECK(log.problems().empty());
+}
