@@ -43,7 +43,9 @@ class Copier {
   void run() {
     restore_robots();
     robots_.insert(robots_.begin(), 0);
-    for (std::size_t part = 0; part < log_->parts().size(); ++part) {
+    const std::vector<store::LogReader::PartInfo> parts = log_->parts();
+    for (std::size_t part = 0; part < parts.size(); ++part) {
+      go_on_to(parts[part].number);
       std::set<SessionId> sessions = log_->part_sessions(part);
       std::map<RobotId, store::LogReader::Records> records;
       for (const RobotId robot : robots_) {
@@ -67,6 +69,7 @@ class Copier {
   store::LogWriter* writer_;
   Recovery* out_;
   std::vector<RobotId> robots_;
+  std::uint32_t part_ = 0;
   SessionId session_ = 0;
   Micros last_us_ = 0;
   std::uint64_t uncommitted_ = 0;
@@ -80,6 +83,16 @@ class Copier {
   AnswerDecoder decoder_;
   Sample sample_;
   const FieldSet all_ = FieldSet().set();
+
+  /// Parts that are missing between others are made without rows, so that none seems to be missing in the new log.
+  void go_on_to(std::uint32_t number) {
+    constexpr std::uint32_t kMostMissing = 1000;  // a damaged number may lie anywhere
+    const bool near = part_ != 0 && number - part_ <= kMostMissing;
+    for (std::uint32_t next = near ? part_ + 1 : number; next <= number; ++next) {
+      writer_->restore_part(next);
+    }
+    part_ = number;
+  }
 
   void restore_robots() {
     std::map<RobotId, Robot> known;
@@ -277,7 +290,7 @@ class Salvage {
     std::set<fs::path> damaged;
     const auto met = [&](const ReadProblem& problem) {
       if (tried.count(problem.where) == 0 && replacements_.count(problem.where) == 0) {
-        out_->problems.push_back(problem);
+        out_->problems.push_back(told(problem));
         if (!problem.beside) {
           damaged.insert(problem.where);
         }
@@ -295,6 +308,14 @@ class Salvage {
       look_at_each(met);
     }
     return damaged;
+  }
+
+  /// What a reader leaves out is not left out here.
+  static ReadProblem told(ReadProblem problem) {
+    if (const std::size_t end = problem.what.rfind(store::kSkipped); !problem.beside && end != std::string::npos) {
+      problem.what.replace(end, std::string::npos, "; its rows are looked for in its pages");
+    }
+    return problem;
   }
 
   /// The whole cannot be opened: which of its files cannot?
@@ -370,6 +391,9 @@ Recovery recover(std::span<const fs::path> logs, const fs::path& folder) {
   {
     store::WriterOptions options;
     options.decode = answer_decode();
+    options.part_bytes = ~std::uint64_t{0};  // parts end where they ended
+    options.part_per_day = false;
+    options.first_part = salvage.log().parts().front().number;
     store::LogWriter writer(folder, options);
     Copier(salvage.log(), salvage.found(), writer, out).run();
   }

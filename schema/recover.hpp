@@ -21,10 +21,10 @@ struct Recovery {
   std::vector<std::string> different;  ///< what the new log does not give back as it was read; empty = as it should be
 };
 
-/// Reads a log as LogReader does, and what it cannot read from the pages of the files (store/scavenge.hpp). Rows keep
-/// their numbers; polls that are neither stored nor in a gap row become gap rows of cause damaged. Writes nothing but
-/// `folder`; while at work up to twice the size of the damaged parts more. Throws Error when `folder` holds anything or
-/// cannot be written, or nothing of a log is found.
+/// Reads a log as LogReader does, and what it cannot read from the pages of the files (store/scavenge.hpp). Rows and
+/// parts keep their numbers; polls that are neither stored nor in a gap row become gap rows of cause damaged. Writes
+/// nothing but `folder`; while at work up to twice the size of the damaged parts more. Throws Error when `folder` holds
+/// anything or cannot be written, or nothing of a log is found.
 Recovery recover(std::span<const std::filesystem::path> logs, const std::filesystem::path& folder);
 
 }  // namespace tacho

@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "schema/records.hpp"
@@ -92,6 +94,19 @@ struct Selection {
   }
 };
 
+/// What the gap rows of one source add up to; partial gaps are not in it.
+struct GapSums {
+  struct ByCause {
+    std::uint64_t polls = 0;
+    std::uint64_t gaps = 0;
+    Micros length_us = 0;
+  };
+  std::map<Cause, ByCause> causes;
+  std::vector<std::pair<Micros, Micros>> off;  ///< from, to: the recorder was not running
+  void add(const Gap& gap);
+  void add(const GapSums& more);
+};
+
 /// What a log holds of one source of one robot, without opening a body.
 struct Coverage {
   RobotId robot = 0;
@@ -107,6 +122,7 @@ struct Coverage {
   Micros period_us = 0;  ///< planned period of the last session
   FieldSet seen;         ///< fields that were ever not absent
   FieldSet valued;       ///< of them, fields that ever were present, see Sample::valued()
+  GapSums gaps;
 };
 
 struct UnknownKey {

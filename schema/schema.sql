@@ -1,6 +1,12 @@
 PRAGMA application_id = 1413563208;  -- "TACH"
 PRAGMA user_version = 1;
 
+-- the head of a closed part as one row; no row while the part is written
+CREATE TABLE summary (
+  id INTEGER PRIMARY KEY,                  -- 1
+  data BLOB NOT NULL                       -- part, robot, session, stream, coverage, unknown_key and sums of gap again; see summary.cpp
+) STRICT;
+
 -- this file: one row
 CREATE TABLE part (
   log TEXT NOT NULL,                       -- identity of the log, the same in all its parts

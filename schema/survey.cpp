@@ -9,6 +9,7 @@
 
 #include "schema/events.hpp"
 #include "schema/log.hpp"
+#include "schema/rollup_check.hpp"
 
 namespace tacho {
 
@@ -87,6 +88,9 @@ class Surveyor {
   }
 
   Survey run() {
+    for (std::size_t part = 0; part < log_->parts().size(); ++part) {
+      log_->check_pages(part);
+    }
     std::vector<RobotId> robots = robots_in(*log_);
     robots.insert(robots.begin(), 0);
     for (const RobotId robot : robots) {
@@ -107,12 +111,14 @@ class Surveyor {
   std::map<SessionId, SessionCheck> sessions_;
   // Of (robot, source), to be compared with the log's own counts.
   std::map<std::pair<RobotId, Source>, FieldSet> seen_;
+  RollupCheck rollups_;  // of the part that is read now
   AnswerDecoder decoder_;
   Sample sample_;
   const FieldSet all_ = FieldSet().set();
 
   void read(RobotId robot) {
-    const std::size_t parts = log_->parts().size();
+    const std::vector<store::LogReader::PartInfo> infos = log_->parts();
+    const std::size_t parts = infos.size();
     std::vector<store::LogReader::Records> records;
     for (std::size_t part = 0; part < parts; ++part) {
       // All of them first: they say which sessions cannot be repeated.
@@ -121,6 +127,15 @@ class Surveyor {
     }
     for (std::size_t part = 0; part < parts && robot != 0; ++part) {
       log_->part_answers(part, robot, std::nullopt, [this](const Answer& answer) { take(answer); });
+      std::vector<Rollup> stored = log_->rollups(robot, part);
+      if (!infos[part].closed || !log_->problems().empty()) {
+        stored.clear();  // it has answers that are in no rollup yet, or rollups of answers that are damaged
+      }
+      const std::vector<std::string> wrong = rollups_.compare(stored);
+      out_.wrong_rollups += wrong.size();
+      for (std::size_t i = 0; i < wrong.size() && out_.first_rollups.size() < kFewDifferences; ++i) {
+        out_.first_rollups.push_back(wrong[i]);
+      }
     }
   }
 
@@ -174,6 +189,7 @@ class Surveyor {
     decoder_.decode(answer, streams_[key].word_order, all_, true, session.gates, sample_);
     stream.undecodable += sample_.decodable ? 0 : 1;
     seen_[{meta.robot, meta.source}] |= sample_.seen();
+    rollups_.add(sample_);
     if (session.exact) {
       session.machine.step(sample_, [&](const Event& event) {
         ++out_.event_check.derived;

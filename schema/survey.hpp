@@ -68,6 +68,8 @@ struct Survey {
   RowSum events;
   RowSum clock;
   std::vector<std::string> wrong_summaries;  ///< coverage that is not what is there
+  std::uint64_t wrong_rollups = 0;           ///< rows of closed parts that are not what their answers say
+  std::vector<std::string> first_rollups;    ///< of them, the first few in words
   EventCheck event_check;
 };
 

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
+#include <optional>
+
+#include "schema/time.hpp"
 
 namespace tacho::commands {
 namespace {
@@ -16,46 +18,6 @@ constexpr auto kSettings = std::to_array<SettingRow>({
 
 const ColumnSpec kRobot{"robot", "", "robot"};
 const ColumnSpec kSource{"source", "", "source"};
-
-/// Polls without an answer by cause, and what is only in part, of one source of one robot; from the gap rows.
-struct Missed {
-  std::map<Cause, std::uint64_t> polls;
-  std::map<Cause, std::uint64_t> gaps;
-  std::map<Cause, Micros> length_us;
-  std::uint64_t partial = 0;
-  std::vector<std::pair<Micros, Micros>> off;  ///< while the recorder was not running
-
-  [[nodiscard]] std::uint64_t total() const {
-    std::uint64_t sum = 0;
-    for (const auto& [cause, n] : polls) {
-      sum += n;
-    }
-    return sum;
-  }
-};
-using MissedBySource = std::map<std::pair<RobotId, Source>, Missed>;
-
-MissedBySource read_gaps(RowSource& log, const std::vector<Robot>& robots) {
-  MissedBySource out;
-  for (const Robot& robot : robots) {
-    log.read(robot.id, Window{}, Selection{}, [&](const Slice& slice) {
-      for (const Gap& gap : slice.gaps) {
-        Missed& m = out[{gap.robot, gap.source}];
-        if (gap.partial) {
-          m.partial += gap.seq_count;
-          continue;
-        }
-        m.polls[gap.cause] += gap.seq_count;
-        ++m.gaps[gap.cause];
-        m.length_us[gap.cause] += gap.t_to_us - gap.t_from_us;
-        if (gap.cause == Cause::recorder_off) {
-          m.off.emplace_back(gap.t_from_us, gap.t_to_us);
-        }
-      }
-    });
-  }
-  return out;
-}
 
 std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
 
@@ -147,9 +109,8 @@ Micros covered(std::vector<std::pair<Micros, Micros>> stretches, Micros from_us,
   return sum;
 }
 
-Value rate_of(const Coverage& c, const MissedBySource& missed) {
-  const auto gaps = missed.find({c.robot, c.source});
-  const Micros off_us = gaps == missed.end() ? 0 : covered(gaps->second.off, c.first_us, c.last_us);
+Value rate_of(const Coverage& c) {
+  const Micros off_us = covered(c.gaps.off, c.first_us, c.last_us);
   if (c.stored < 2 || c.last_us - c.first_us <= off_us) {
     return Missing{"fewer than two answers"};
   }
@@ -181,8 +142,7 @@ std::string running_note(const RowSource& log, const std::vector<Coverage>& all)
                      off_s > 0.0 ? fmt::format(", off for {:.0f} s", off_s) : "");
 }
 
-DataTable sources_table(const std::vector<Coverage>& all, const MissedBySource& missed,
-                        const std::vector<Robot>& robots) {
+DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
   DataTable table{
       "sources",
       "Answers by source",
@@ -203,14 +163,14 @@ DataTable sources_table(const std::vector<Coverage>& all, const MissedBySource& 
   for (const Coverage& c : all) {
     table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned),
                           count(c.stored), count(c.missed), c.stored + c.missed == c.planned, count(c.partial),
-                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c, missed),
-                          count(c.bytes), time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
+                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c), count(c.bytes),
+                          time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
                           time_or_missing(c.stored == 0 ? 0 : c.last_us, "no answer")});
   }
   return table;
 }
 
-DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& robots) {
+DataTable missed_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
   DataTable table{"missed",
                   "Missed polls by cause",
                   {kRobot,
@@ -221,11 +181,11 @@ DataTable missed_table(const MissedBySource& missed, const std::vector<Robot>& r
                    {"duration_s", "s", "length of the gap rows; of recorder_off the time nobody asked"},
                    {"meaning", "", "the cause in words"}},
                   {}};
-  for (const auto& [key, m] : missed) {
-    for (const auto& [cause, polls] : m.polls) {
-      table.rows.push_back({robot_of(robots, key.first).name, std::string(source_name(key.second)),
-                            std::string(cause_name(cause)), count(polls), count(m.gaps.at(cause)),
-                            static_cast<double>(m.length_us.at(cause)) / 1e6, std::string(cause_meaning(cause))});
+  for (const Coverage& c : all) {
+    for (const auto& [cause, sum] : c.gaps.causes) {
+      table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)),
+                            std::string(cause_name(cause)), count(sum.polls), count(sum.gaps),
+                            static_cast<double>(sum.length_us) / 1e6, std::string(cause_meaning(cause))});
     }
   }
   return table;
@@ -248,13 +208,16 @@ DataTable unknown_table(const RowSource& log, const std::vector<Robot>& robots) 
   return table;
 }
 
-DataTable problems_table(const RowSource& log) {
+DataTable problems_table(const RowSource& log, const store::LogReader::Absent& absent) {
   DataTable table{"problems",
-                  "Foreign and damaged files",
+                  "Foreign, damaged and missing files",
                   {{"where", "", "file, and place in it"}, {"what", "", "what is wrong and what was skipped"}},
                   {}};
   for (const ReadProblem& p : log.problems()) {
     table.rows.push_back({p.where, p.what});
+  }
+  for (const std::uint32_t number : absent.between) {
+    table.rows.push_back({fmt::format("part {}", number), "is missing between others"});
   }
   return table;
 }
@@ -344,8 +307,7 @@ Finding coverage_finding(const Robot& robot, const std::vector<Coverage>& all, c
   return f;
 }
 
-Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all, const MissedBySource& missed,
-                           bool damaged) {
+Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all, bool damaged) {
   Finding f = finding("DATA-02", robot.name, "polls that are neither stored nor in a gap row");
   f.threshold = "stored + missed = planned for every source";
   f.value.value = 0.0;
@@ -354,19 +316,16 @@ Finding accounting_finding(const Robot& robot, const std::vector<Coverage>& all,
     if (c.robot != robot.id) {
       continue;
     }
-    const auto gaps = missed.find({c.robot, c.source});
-    const std::uint64_t in_gaps = gaps == missed.end() ? 0 : gaps->second.total();
-    const auto off = count(c.planned) - count(c.stored) - count(in_gaps);
+    const auto off = count(c.planned) - count(c.stored) - count(c.missed);
     *f.value.value += static_cast<double>(off < 0 ? -off : off);
-    if (off != 0 || in_gaps != c.missed) {
+    if (off != 0) {
       f.verdict = Verdict::fail;
       f.severity = 8;
       f.evidence.push_back({c.first_us, c.last_us, std::string(source_name(c.source)),
-                            fmt::format("planned {}, stored {}, missed {} by the summary and {} by the gap rows",
-                                        c.planned, c.stored, c.missed, in_gaps)});
+                            fmt::format("planned {}, stored {}, missed {}", c.planned, c.stored, c.missed)});
     }
   }
-  f.advice = damaged ? "a part of this log is damaged or missing (DATA-11): what it held cannot be counted"
+  f.advice = damaged ? "a part of this log is damaged (DATA-11) or missing (DATA-13): what it held cannot be counted"
                      : "rows are lost or doubled: keep the log as it is and report this as a defect";
   return f;
 }
@@ -397,33 +356,60 @@ void add_findings(Section& section, const RowSource& log, const std::vector<Cove
 
 }  // namespace
 
+std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const store::LogReader& log) {
+  std::vector<std::string> notes;
+  if (absent.before > 0) {
+    const std::optional<Event> removal = log.last_removal();
+    const bool told = removal && removal->subject == fmt::format("part {}", absent.before);
+    notes.push_back(fmt::format("the log begins with part {}: {}", absent.before + 1,
+                                told ? fmt::format("retention removed part {} at {} ({}), and those before it",
+                                                   absent.before, iso_utc(removal->t_us), removal->detail)
+                                     : "older ones were moved away, or removed without a word of it in the log"));
+  }
+  if (absent.cut_off) {
+    notes.push_back(
+        fmt::format("the newest part here is closed, but session {} has not ended in it: a later part is "
+                    "missing, or the recorder stopped on an error",
+                    *absent.cut_off));
+  }
+  return notes;
+}
+
 std::span<const SettingRow> info_settings() { return kSettings; }
 
-Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
+Section info(const RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
              const Settings& settings) {
   Section section;
   section.name = "info";
   section.title = "Log";
   section.question = "What does this log hold, and what is missing?";
   const std::vector<Coverage> all = coverage_of(log, robots);
-  const MissedBySource missed = read_gaps(log, robots);
+  const store::LogReader::Absent absent = reader == nullptr ? store::LogReader::Absent{} : reader->absent();
+  const bool damaged = !log.problems().empty() || !absent.between.empty();
   for (const Robot& robot : robots) {
     section.findings.push_back(coverage_finding(robot, all, settings));
-    section.findings.push_back(accounting_finding(robot, all, missed, !log.problems().empty()));
+    section.findings.push_back(accounting_finding(robot, all, damaged));
   }
   if (reader != nullptr) {
     section.tables.push_back(parts_table(*reader));
   }
   section.tables.push_back(sessions_table(log));
   section.tables.push_back(robots_table(robots));
-  section.tables.push_back(sources_table(all, missed, robots));
-  section.tables.push_back(missed_table(missed, robots));
+  section.tables.push_back(sources_table(all, robots));
+  section.tables.push_back(missed_table(all, robots));
   DataTable unknown = unknown_table(log, robots);
   const std::size_t unknown_keys = unknown.rows.size();
   section.tables.push_back(std::move(unknown));
   section.tables.push_back(never_seen_table(all, robots));
-  section.tables.push_back(problems_table(log));
+  section.tables.push_back(problems_table(log, absent));
   add_findings(section, log, all, unknown_keys);
+  if (reader != nullptr) {
+    section.findings.push_back(
+        count_finding("DATA-13", "parts that are missing between others", absent.between.size(),
+                      "put the missing files back: what they held is neither stored nor missed"));
+    std::vector<std::string> notes = notes_of(absent, *reader);
+    section.notes.insert(section.notes.end(), notes.begin(), notes.end());
+  }
   section.notes.push_back(
       fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
   if (std::string running = running_note(log, all); !running.empty()) {

@@ -1,5 +1,6 @@
 #pragma once
-// What a log holds, how complete it is and what is wrong with it. Reads gap rows and summaries, opens no body.
+// What a log holds, how complete it is and what is wrong with it. Of closed parts it reads the summaries
+// only.
 
 #include <string>
 
@@ -11,8 +12,11 @@
 namespace tacho::commands {
 
 /// `reader`: the log's parts, null when it has none.
-Section info(RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
+Section info(const RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
              const Settings& settings);
+
+/// In words: parts that are no longer at the beginning of a log, and whether one seems to be missing at its end.
+std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const store::LogReader& log);
 
 /// Its rows of setting_rows().
 std::span<const SettingRow> info_settings();

@@ -2,17 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
-#include <set>
-
+#include "analyzer/commands/info.hpp"
 #include "schema/log.hpp"
 #include "schema/recover.hpp"
-#include "schema/store/part.hpp"
 
 namespace tacho::commands {
 namespace {
-
-constexpr std::size_t kMostMissingParts = 1000;  // in words; a damaged number may lie anywhere
 
 std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
 
@@ -29,32 +24,7 @@ Finding finding(const char* id, const char* title, std::uint64_t n, Verdict bad,
   return f;
 }
 
-/// Numbers between the first and the last part of a folder that no file has. Parts that are only missing at the start
-/// were removed by retention, or moved away.
-std::vector<std::uint32_t> missing_parts(const store::LogReader& log, const Options& options) {
-  std::set<std::uint32_t> here;
-  for (const store::LogReader::PartInfo& part : log.parts()) {
-    here.insert(part.number);
-  }
-  bool folder = false;
-  for (const std::filesystem::path path : options.logs) {
-    if (std::filesystem::is_directory(path)) {
-      folder = true;
-      for (const store::PartFile& file : store::list_parts(path)) {
-        here.insert(file.number);  // also one that cannot be read, which is named as such
-      }
-    }
-  }
-  std::vector<std::uint32_t> missing;
-  for (auto part = here.begin(); folder && std::next(part) != here.end(); ++part) {
-    for (std::uint32_t number = *part + 1; number < *std::next(part) && missing.size() < kMostMissingParts; ++number) {
-      missing.push_back(number);
-    }
-  }
-  return missing;
-}
-
-Section section_of(store::LogReader& log, const Survey& found, const Options& options) {
+Section section_of(store::LogReader& log, const Survey& found) {
   Section section;
   section.name = "verify";
   section.title = "Verification";
@@ -68,7 +38,8 @@ Section section_of(store::LogReader& log, const Survey& found, const Options& op
   for (const ReadProblem& p : log.problems()) {
     (p.beside ? beside : damage).rows.push_back({p.where, p.what});
   }
-  const std::vector<std::uint32_t> missing = missing_parts(log, options);
+  const store::LogReader::Absent absent = log.absent();
+  const std::vector<std::uint32_t>& missing = absent.between;
   for (const std::uint32_t number : missing) {
     damage.rows.push_back({fmt::format("part {}", number), "is missing between others"});
   }
@@ -136,7 +107,9 @@ Section section_of(store::LogReader& log, const Survey& found, const Options& op
       finding("VER-05", "events that differ from those derived again", e.only_stored + e.only_derived, Verdict::warn,
               "the log may have been written by another version of this program"),
       finding("VER-06", "parts that are missing between others", missing.size(), Verdict::fail,
-              "put the missing files back; recover writes gap rows for what was in them")};
+              "put the missing files back; recover writes gap rows for what was in them"),
+      finding("VER-07", "one-minute rollups that differ from those made again", found.wrong_rollups, Verdict::fail,
+              remedy)};
   Finding& events = section.findings[4];
   if (e.sessions == 0 && e.left_out > 0) {  // nothing was compared, which is no PASS
     events.verdict = Verdict::unknown;
@@ -148,13 +121,12 @@ Section section_of(store::LogReader& log, const Survey& found, const Options& op
         "learnt cannot be repeated";
   }
   section.notes = found.wrong_summaries;
+  section.notes.insert(section.notes.end(), found.first_rollups.begin(), found.first_rollups.end());
   section.notes.insert(section.notes.end(), e.first.begin(), e.first.end());
   section.notes.push_back(
       fmt::format("events derived again for {} sessions of a robot; {} left out", e.sessions, e.left_out));
-  const std::uint32_t first = log.parts().front().number;
-  if (first > 1) {
-    section.notes.push_back(
-        fmt::format("the log begins with part {}: older ones were removed by retention, or moved away", first));
+  for (std::string& note : notes_of(absent, log)) {
+    section.notes.push_back(std::move(note));
   }
   section.tables = {damage, beside, streams, lost, manifest};
   return section;
@@ -169,7 +141,7 @@ std::vector<std::filesystem::path> paths_of(const Options& options) {
 int verify(const Options& options) {
   const auto log = open_log(paths_of(options));
   auto& reader = dynamic_cast<store::LogReader&>(*log);
-  const Section section = section_of(reader, survey(reader), options);
+  const Section section = section_of(reader, survey(reader));
   report::Origin origin;
   origin.tool = "tacho-analyzer " TACHO_VERSION;
   const int code = emit(section, origin, options);

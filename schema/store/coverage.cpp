@@ -34,6 +34,7 @@ GapReading read_gap_counts(Connection& connection) {
     }
     GapCount& count = reading.counts[{gap->session, gap->robot, gap->source}];
     count.last_us = std::max(count.last_us, gap->t_to_us);
+    count.sums.add(*gap);
     if (gap->partial) {
       count.partial += gap->seq_count;
     } else {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 
+#include "schema/row_source.hpp"
 #include "schema/store/rows.hpp"
 #include "schema/store/sqlite.hpp"
 #include "schema/store/vocabulary.hpp"
@@ -40,6 +41,7 @@ struct GapCount {
   std::uint64_t partial = 0;
   std::uint64_t next_seq = 0;  ///< after the last missed poll
   Micros last_us = 0;          ///< end of the latest
+  GapSums sums;
 };
 using GapCounts = std::map<StreamKey, GapCount>;
 /// Rows whose checksum is wrong are left out.

@@ -13,6 +13,7 @@
 #include "schema/store/part_reader.hpp"
 #include "schema/store/rollup.hpp"
 #include "schema/store/scavenge.hpp"
+#include "schema/store/schema_sql.hpp"
 #include "schema/store/slicer.hpp"
 
 namespace tacho::store {
@@ -38,16 +39,34 @@ std::vector<fs::path> candidates(std::span<const fs::path> logs) {
     if (error) {
       throw Error(log.string(), error.message(), "check that this user may read the folder");
     }
+    const fs::path folder = fs::canonical(log);  // once, not for each of its files
     for (const auto& entry : entries) {
       const std::string name = entry.path().filename().string();
       if (entry.is_regular_file() && entry.path().extension() == ".db" && name.front() != '.') {
-        files.push_back(fs::canonical(entry.path()));
+        files.push_back(entry.is_symlink() ? fs::canonical(entry.path()) : folder / name);
       }
     }
   }
   std::sort(files.begin(), files.end());
   files.erase(std::unique(files.begin(), files.end()), files.end());
   return files;
+}
+
+constexpr std::size_t kMostAbsent = 1000;  // a damaged number may lie anywhere
+
+std::optional<Event> last_removal_in(const fs::path& part) {
+  std::optional<Event> last;
+  try {
+    Connection connection = open_part_for_reading(part);
+    Statement row(connection, select_sql("event") + " WHERE kind = ?1 ORDER BY id");
+    for (row.query(event_kind_name(EventKind::part_removed)); row.step();) {
+      std::optional<Event> event = read_event(row);
+      last = event ? std::move(event) : std::move(last);
+    }
+  } catch (const Error&) {
+    // Whoever reads its rows is told.
+  }
+  return last;
 }
 
 std::string joined(std::span<const fs::path> paths) {
@@ -65,6 +84,8 @@ struct LogReader::Impl {
   Access access = Access::careful;
   std::map<const PartHead*, std::unique_ptr<PartReader>> kept;  // of closed parts, open from read() to read()
   std::vector<PartHead> parts;                                  // by number
+  bool whole_folder = false;
+  std::set<std::uint32_t> numbers;  // of all files of the folders, also of those that cannot be read
   std::vector<ReadProblem> problems;
   std::set<std::pair<std::string, std::string>> told;
   std::map<RobotId, Robot> robots;
@@ -91,12 +112,22 @@ struct LogReader::Impl {
 
   template <class Use>
   void each_part(Use use);
+  template <class Use>
+  void read_carefully(const PartHead& head, Use use);
   const Stream& stream_of(const AnswerMeta& meta);
 };
 
 void LogReader::Impl::open(std::span<const fs::path> logs) {
   for (const fs::path& path : candidates(logs)) {
     add_part(path);
+  }
+  for (const fs::path& log : logs) {
+    if (fs::is_directory(log)) {
+      whole_folder = true;
+      for (const PartFile& file : list_parts(log)) {
+        numbers.insert(file.number);
+      }
+    }
   }
   if (parts.empty()) {
     const std::string cause =
@@ -146,7 +177,7 @@ void LogReader::Impl::add_part(const fs::path& path) {
     if (const std::string name = path.string() + ": "; what.rfind(name, 0) == 0) {
       what.erase(0, name.size());
     }
-    problem(path.string(), what + "; skipped", !may_be_part(path));
+    problem(path.string(), what.append(kSkipped), !may_be_part(path));
   }
 }
 
@@ -155,7 +186,7 @@ void LogReader::Impl::drop_copies() {
     if (a.row.number != b.row.number) {
       return false;
     }
-    problem(b.path.string(), "is a copy of " + a.path.string() + "; skipped", true);
+    problem(b.path.string(), ("is a copy of " + a.path.string()).append(kSkipped), true);
     return true;
   };
   parts.erase(std::unique(parts.begin(), parts.end(), same_part), parts.end());
@@ -214,6 +245,16 @@ void LogReader::Impl::each_part(Use use) {
   }
 }
 
+/// Runs `use` with a reader of the part, inside a transaction.
+template <class Use>
+void LogReader::Impl::read_carefully(const PartHead& head, Use use) {
+  std::optional<PartReader> fresh;
+  const bool keep = access == Access::careful && is_closed(head);
+  PartReader& part = keep ? kept_reader(head) : fresh.emplace(reader(head));
+  const PartReader::Transaction reading(part);
+  use(part);
+}
+
 void LogReader::Impl::merge_coverage() {
   std::map<std::pair<RobotId, Source>, Coverage> sums;
   for (const PartHead& head : parts) {
@@ -235,6 +276,7 @@ void LogReader::Impl::merge_coverage() {
       Coverage& sum = sums[{key.robot, key.source}];
       sum.missed += count.missed;
       sum.partial += count.partial;
+      sum.gaps.add(count.sums);
       next_seq[key] = std::max(next_seq[key], count.next_seq);
     }
   }
@@ -315,6 +357,41 @@ std::vector<UnknownKey> LogReader::unknown_keys() const {
 
 std::vector<ReadProblem> LogReader::problems() const { return impl_->problems; }
 
+LogReader::Absent LogReader::absent() const {
+  Absent absent;
+  if (!impl_->whole_folder) {
+    return absent;
+  }
+  std::set<std::uint32_t> here = impl_->numbers;
+  for (const PartHead& head : impl_->parts) {
+    here.insert(head.row.number);
+  }
+  absent.before = std::max(*here.begin(), 1U) - 1;
+  std::uint32_t next = *here.begin();
+  for (const std::uint32_t number : here) {
+    for (; next < number && absent.between.size() < kMostAbsent; ++next) {
+      absent.between.push_back(next);
+    }
+    next = number + 1;
+  }
+  const PartHead& newest = impl_->parts.back();
+  const bool last = newest.row.number == *here.rbegin();
+  for (const Session& session : newest.sessions) {
+    if (last && is_closed(newest) && session.t_end_us == 0) {
+      absent.cut_off = session.id;
+    }
+  }
+  return absent;
+}
+
+std::optional<Event> LogReader::last_removal() const {
+  std::optional<Event> last;
+  for (auto part = impl_->parts.rbegin(); part != impl_->parts.rend() && !last; ++part) {
+    last = last_removal_in(part->path);
+  }
+  return last;
+}
+
 std::vector<LogReader::PartInfo> LogReader::parts() const {
   std::vector<PartInfo> out;
   for (const PartHead& head : impl_->parts) {
@@ -371,27 +448,42 @@ void LogReader::read_raw(RobotId robot, Source source, Window window, const std:
   query.sources[static_cast<std::size_t>(source)] = true;
   OrderGuard order;
   impl_->each_part([&](const PartHead& head) {
-    PartReader part = impl_->reader(head);
-    const PartReader::Transaction reading(part);
-    part.answers(query, [&](const Answer& answer) {
-      if (order.accepts(answer.meta)) {
-        yield(answer);
-      } else {
-        impl_->problem(head.path.string(), kOutOfOrder);
-      }
+    impl_->read_carefully(head, [&](PartReader& part) {
+      part.answers(query, [&](const Answer& answer) {
+        if (order.accepts(answer.meta)) {
+          yield(answer);
+        } else {
+          impl_->problem(head.path.string(), kOutOfOrder);
+        }
+      });
     });
   });
+}
+
+void LogReader::check_pages(std::size_t part) {
+  const PartHead& head = impl_->parts[part];
+  if (is_closed(head)) {
+    return;
+  }
+  try {
+    Connection connection = open_part_for_reading(head.path);
+    if (const std::string answer = connection.scalar("PRAGMA quick_check(1)"); answer != "ok") {
+      impl_->problem(head.path.string(), "its pages are not sound: " + answer);
+    }
+  } catch (const SqliteError& error) {
+    impl_->problem(head.path.string(), error.what());
+  }
 }
 
 LogReader::Records LogReader::part_records(std::size_t part, RobotId robot) {
   Records out;
   const PartHead& head = impl_->parts[part];
   try {
-    PartReader reader = impl_->reader(head);
-    const PartReader::Transaction reading(reader);
-    out.gaps = reader.gaps(robot, Window{});
-    out.events = reader.events(robot, Window{});
-    out.clock = reader.clock(robot, Window{});
+    impl_->read_carefully(head, [&](PartReader& reader) {
+      out.gaps = reader.gaps(robot, Window{});
+      out.events = reader.events(robot, Window{});
+      out.clock = reader.clock(robot, Window{});
+    });
     std::erase_if(out.clock, [&](const ClockPoint& point) { return point.robot != robot; });
   } catch (const SqliteError& error) {
     impl_->problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
@@ -413,9 +505,7 @@ void LogReader::part_answers(std::size_t part, RobotId robot, std::optional<Sess
   AnswerQuery query{robot, {}, Window{}, session};
   query.sources.fill(true);
   try {
-    PartReader reader = impl_->reader(head);
-    const PartReader::Transaction reading(reader);
-    reader.answers(query, yield);
+    impl_->read_carefully(head, [&](PartReader& reader) { reader.answers(query, yield); });
   } catch (const SqliteError& error) {
     impl_->problem(head.path.string(), std::string(error.what()) + "; the rest of this part is left out");
   }

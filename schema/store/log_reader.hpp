@@ -12,6 +12,7 @@
 #include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schema/row_source.hpp"
@@ -19,6 +20,9 @@
 #include "schema/store/part_head.hpp"
 
 namespace tacho::store {
+
+/// The end of what problems() says of a file that cannot be opened.
+inline constexpr std::string_view kSkipped = "; skipped";
 
 class LogReader final : public RowSource {
  public:
@@ -53,13 +57,28 @@ class LogReader final : public RowSource {
   };
   [[nodiscard]] std::vector<PartInfo> parts() const;
 
+  /// Parts of this log that are not among those given. Only a folder can say so.
+  struct Absent {
+    std::uint32_t before = 0;            ///< so many at the beginning
+    std::vector<std::uint32_t> between;  ///< numbers; the first thousand
+    /// The newest part is closed, but this session has not ended in it: it goes on in a part that is not here, or the
+    /// recorder had to stop.
+    std::optional<SessionId> cut_off;
+  };
+  [[nodiscard]] Absent absent() const;
+  /// What the log tells last of a part that retention removed. Reads events, newest part first. Throws nothing.
+  [[nodiscard]] std::optional<Event> last_removal() const;
+
   // Part by part, for whoever checks or copies a log. Nothing is put in order or left out, but for what is damaged.
   struct Records {
     std::vector<Gap> gaps;
     std::vector<Event> events;
     std::vector<ClockPoint> clock;
   };
-  /// Of one robot, or (0) of none. `part` counts in parts().
+  /// Lets SQLite check the pages of a part that is not closed: without a seal nothing else tells that a page has
+  /// forgotten the newest rows of its table. `part` counts in parts().
+  void check_pages(std::size_t part);
+  /// Of one robot, or (0) of none.
   Records part_records(std::size_t part, RobotId robot);
   /// Sessions that have answers in it, and perhaps some that have none.
   [[nodiscard]] std::set<SessionId> part_sessions(std::size_t part) const;

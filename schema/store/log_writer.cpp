@@ -66,10 +66,9 @@ struct LogWriter::Impl : WriterHead {
     if (parts.found()) {
       adopt(*parts.found());
     }
-    if (!parts.has_current()) {
+    stats.parts = parts.has_current() ? 1 : 0;
+    if (!parts.has_current() && parts.skip_to(options.first_part)) {
       next_part();
-    } else {
-      stats.parts = 1;
     }
   }
 
@@ -224,9 +223,8 @@ void LogWriter::Impl::rolled_back() {
   urgent = true;
   hot.roll_back();
   answers.rolled_back();
-  const std::uint64_t parts_opened = stats.parts;
+  committed_stats.parts = stats.parts;
   stats = committed_stats;
-  stats.parts = parts_opened;
   for (auto& [id, state] : streams) {
     state.roll_back();
   }
@@ -419,10 +417,7 @@ void LogWriter::Impl::declare(const Stream& declared) {
   if (last == earlier.end()) {
     return;
   }
-  Gap gap;
-  gap.robot = declared.robot;
-  gap.source = declared.source;
-  gap.session = session->id;
+  Gap gap{declared.robot, declared.source, session->id};
   gap.t_from_us = std::max(last->second.t_us, part().last_gap_end(gap.robot, gap.source, session->id));
   gap.t_to_us = std::max(gap.t_from_us, session->t_start_us);
   gap.cause = Cause::recorder_off;
@@ -499,6 +494,12 @@ void LogWriter::identify(RobotId id, const Robot& identity) {
 }
 
 void LogWriter::declare(const Stream& stream) { impl_->declare(stream); }
+void LogWriter::restore_part(std::uint32_t number) {
+  if (impl_->parts.skip_to(number)) {
+    impl_->commit();
+    impl_->next_part();
+  }
+}
 void LogWriter::restore(const Robot& robot) {
   impl_->robots[robot.id] = robot;
   impl_->write([&] { impl_->part().put(robot); });

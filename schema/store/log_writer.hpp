@@ -33,6 +33,7 @@ struct WriterOptions {
   int zstd_level = 3;
   std::uint64_t wal_bytes = 32u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
   bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
+  std::uint32_t first_part = 1;         ///< number of the first part of a new log; higher for a copy of a later one
   bool durable = true;                  ///< synchronous FULL; false only for generated logs that can be made again
   Decode decode = {};        ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
   Retention retention = {};  ///< by default nothing is removed
@@ -64,6 +65,8 @@ class LogWriter {
   void set_word_order(RobotId robot, Source source, WordOrder order);
 
   // Copying a log: rows as they were, with their numbers.
+  /// What follows goes into the part of this number, which is higher than those before.
+  void restore_part(std::uint32_t number);
   void restore(const Robot& robot);
   /// Begins the session. Ids grow.
   void restore(const Session& session);

@@ -11,6 +11,7 @@
 
 #include "schema/error.hpp"
 #include "schema/store/hot_codec.hpp"
+#include "schema/store/record_format.hpp"
 
 namespace tacho::store {
 
@@ -20,45 +21,11 @@ namespace {
 constexpr std::array<std::uint32_t, 8> kPageSizes{4096, 512, 1024, 2048, 8192, 16384, 32768, 65536};
 constexpr std::size_t kChunk = 65536;
 constexpr std::uint64_t kChunksForPageSize = 1024;  // 64 MiB say it clearly enough
-constexpr std::size_t kFileHeader = 100;
 constexpr unsigned char kIndexLeaf = 0x0A;
-constexpr unsigned char kTableLeaf = 0x0D;
-constexpr std::size_t kLeafHeader = 8;
-constexpr std::size_t kLinkBytes = 4;
 /// A body is the longest value by far; longer lengths are not lengths.
 constexpr std::uint64_t kMostPayload = kMaxBodyBytes + (std::size_t{1} << 20U);
 /// More ways to read a damaged chain are not tried: each costs decoding a block.
 constexpr std::size_t kMostWays = 256;
-
-unsigned byte_at(std::string_view bytes, std::size_t at) { return static_cast<unsigned char>(bytes[at]); }
-
-std::uint64_t big_endian(std::string_view bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    value = value << 8U | byte_at(bytes, at + i);
-  }
-  return value;
-}
-
-/// SQLite's variable-length integer, at most nine bytes. False at the end of the bytes.
-bool take_varint(std::string_view bytes, std::size_t& at, std::uint64_t& value) {
-  value = 0;
-  for (int i = 0; i < 8; ++i) {
-    if (at >= bytes.size()) {
-      return false;
-    }
-    const unsigned byte = byte_at(bytes, at++);
-    value = value << 7U | (byte & 0x7FU);
-    if (byte < 0x80U) {
-      return true;
-    }
-  }
-  if (at >= bytes.size()) {
-    return false;
-  }
-  value = value << 8U | byte_at(bytes, at++);
-  return true;
-}
 
 /// Bytes of a value of this serial type; more than any payload for types that do not exist.
 std::uint64_t serial_bytes(std::uint64_t type) {
@@ -108,17 +75,6 @@ bool take_types(std::string_view bytes, std::uint64_t total, bool rowid_first, s
     types.push_back(type);
   }
   return sum == total;
-}
-
-/// Bytes of a payload that stand in the page itself.
-std::size_t local_bytes(std::uint64_t total, std::size_t usable, bool table) {
-  const std::size_t most = table ? usable - 35 : (usable - 12) * 64 / 255 - 23;
-  if (total <= most) {
-    return static_cast<std::size_t>(total);
-  }
-  const std::size_t least = (usable - 12) * 32 / 255 - 23;
-  const std::size_t fitting = least + static_cast<std::size_t>((total - least) % (usable - kLinkBytes));
-  return fitting <= most ? fitting : least;
 }
 
 /// Where the cells of a leaf page begin; empty when it is no leaf, or not sound.

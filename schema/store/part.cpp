@@ -12,6 +12,7 @@
 
 #include "schema/store/schema_sql.hpp"
 #include "schema/store/seal.hpp"
+#include "schema/store/summary.hpp"
 #include "schema/store/vocabulary.hpp"
 
 namespace tacho::store {
@@ -163,6 +164,7 @@ Connection open_part_for_writing(const fs::path& path, bool durable) {
 void reopen_part(Connection& connection) {
   Transaction transaction(connection);
   break_seal(connection);
+  delete_summary(connection);
   connection.exec("UPDATE part SET closed = 0, ended_us = NULL");
   transaction.commit();
 }
@@ -171,7 +173,7 @@ bool close_part(Connection& connection, std::optional<Micros> now_us) {
   {
     Transaction transaction(connection);
     Statement(connection, "UPDATE part SET closed = 1, ended_us = ?1").run(now_us);
-    write_seal(connection);
+    write_summary(connection, write_seal(connection));
     transaction.commit();
   }
   if (!connection.checkpoint_truncate()) {

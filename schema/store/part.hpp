@@ -52,9 +52,9 @@ Connection open_part_for_writing(const std::filesystem::path& path, bool durable
 /// Marks the part as one that is written on.
 void reopen_part(Connection& connection);
 
-/// Marks the part closed, seals it (seal.hpp), checkpoints it and leaves journal_mode DELETE, so that it can be read
-/// from a read-only folder. `now_us`: the wall clock when it is known to be right. False when a reader is in the way:
-/// try again later.
+/// Marks the part closed, seals it (seal.hpp), writes its summary (summary.hpp), checkpoints it and leaves journal_mode
+/// DELETE, so that it can be read from a read-only folder. `now_us`: the wall clock when it is known to be right. False
+/// when a reader is in the way: try again later.
 bool close_part(Connection& connection, std::optional<Micros> now_us);
 
 }  // namespace tacho::store

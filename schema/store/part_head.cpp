@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "schema/store/scavenge.hpp"
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/summary.hpp"
 
 namespace tacho::store {
 
@@ -174,7 +176,22 @@ Connection open_part_for_reading(const fs::path& path, Access access) {
   return opened(OpenMode::immutable);
 }
 
+void read_head_tables(Connection& connection, PartHead& head) {
+  survive(head, "the table of robots", [&] { head.robots = read_all<Robot>(connection, "robot", read_robot); });
+  survive(head, "the table of sessions",
+          [&] { head.sessions = read_all<Session>(connection, "session", read_session); });
+  survive(head, "the table of streams", [&] { head.streams = read_streams(connection); });
+  head.vocabulary = read_vocabulary(connection);
+  read_ends(connection, head);
+  read_counts(connection, head);
+}
+
 PartHead read_head(const fs::path& path, Access access) {
+  if (access == Access::fast) {
+    if (std::optional<PartHead> head = read_summary(path)) {
+      return std::move(*head);
+    }
+  }
   PartHead head;
   head.path = path;
   Connection connection = open_identified(path, access);
@@ -193,13 +210,12 @@ PartHead read_head(const fs::path& path, Access access) {
   head.sealed_rows = std::move(seal.rows);
   std::move(seal.damage.begin(), seal.damage.end(), std::back_inserter(head.damage));
   head.checkpointed = connection.scalar("PRAGMA journal_mode") != "wal";
-  survive(head, "the table of robots", [&] { head.robots = read_all<Robot>(connection, "robot", read_robot); });
-  survive(head, "the table of sessions",
-          [&] { head.sessions = read_all<Session>(connection, "session", read_session); });
-  survive(head, "the table of streams", [&] { head.streams = read_streams(connection); });
-  head.vocabulary = read_vocabulary(connection);
-  read_ends(connection, head);
-  read_counts(connection, head);
+  read_head_tables(connection, head);
+  if (access == Access::careful && head.row.closed && head.damage.empty()) {
+    if (std::string wrong = check_summary(connection, head); !wrong.empty()) {
+      head.damage.push_back(std::move(wrong));
+    }
+  }
   // The transaction ends with the connection: COMMIT itself fails on a truncated file.
   return head;
 }

@@ -18,7 +18,7 @@ namespace tacho::store {
 
 enum class Access : std::uint8_t {
   careful,  ///< every page is read by the system, and everything that is sealed is compared
-  fast,     ///< closed parts are mapped, so that a sector that cannot be read is a SIGBUS; what is used is compared
+  fast,     ///< closed parts are mapped, so that a sector that cannot be read is a SIGBUS; heads come from summaries
 };
 
 /// Opens read-only, also a truncated file (SQLite itself refuses those) and a closed part in a read-only folder.
@@ -61,6 +61,9 @@ struct PartHead {
 
 /// Nobody writes it: it was checkpointed, and has no WAL.
 inline bool is_closed(const PartHead& head) { return head.row.closed && head.checkpointed; }
+
+/// Reads what the tables say; what cannot be read is named in `damage`. Inside a transaction.
+void read_head_tables(Connection& connection, PartHead& head);
 
 /// Reads the head. What cannot be read beyond the tables at the start of the file is named in `damage`; then the counts
 /// are what the writer noted, see read_part() for what can really be read.

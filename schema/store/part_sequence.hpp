@@ -1,6 +1,7 @@
 #pragma once
 // The parts of one log that is being written: which one is open, when the next one starts, how old ones are closed.
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -38,6 +39,13 @@ class PartSequence {
   /// False: next() must be called first.
   [[nodiscard]] bool has_current() const { return current_ != nullptr; }
   PartWriter& current() { return *current_; }
+
+  /// The next part gets this number, or a higher one where it is taken. False: the current part has it. Before
+  /// prepare().
+  bool skip_to(std::uint32_t number) {
+    number_ = std::max(number_, number - 1);
+    return current_number_ < number;
+  }
 
   /// Makes the next part ready as far as can be done ahead, so that next() has little to do; once.
   void prepare();

@@ -74,24 +74,28 @@ FieldSet rollup_fields(Connection& connection, const Stream& stream) {
   return fields;
 }
 
-void RollupMaker::add(const Answer& answer) {
-  (*decode_)(answer, stream_, wanted_, gates_, sample_);
-  const std::int64_t minute = minute_of(answer.meta.t_mid_us());
+void add_to(RollupRows& rows, const AnswerMeta& meta, const Sample& sample, const FieldSet& wanted) {
+  const std::int64_t minute = minute_of(meta.t_mid_us());
   for (const FieldIndex f : kRolledUp) {
-    const Cell& cell = sample_.at(f);
-    if (!wanted_[f] || !cell.has()) {
+    const Cell& cell = sample.at(f);
+    if (!wanted[f] || !cell.has()) {
       continue;
     }
     const double value = field_at(f).kind == Kind::real ? cell.real : static_cast<double>(cell.integer);
     if (!std::isfinite(value)) {
       continue;
     }
-    const Rollup one{answer.meta.robot, answer.meta.source, minute, f, 1, value, value, value, value};
-    const auto [row, fresh] = rows_.try_emplace({minute, f}, one);
+    const Rollup one{meta.robot, meta.source, minute, f, 1, value, value, value, value};
+    const auto [row, fresh] = rows.try_emplace({minute, f}, one);
     if (!fresh) {
       row->second.add(one);
     }
   }
+}
+
+void RollupMaker::add(const Answer& answer) {
+  (*decode_)(answer, stream_, wanted_, gates_, sample_);
+  add_to(rows_, answer.meta, sample_, wanted_);
 }
 
 void Rollups::write(Connection& connection) const {

@@ -19,10 +19,15 @@ namespace tacho::store {
 /// What is rolled up: quantities that are plotted over months.
 const FieldSet& rollup_fields();
 
-/// Of one stream, by minute and field.
+/// Of one source of one robot, by minute and field.
+using RollupRows = std::map<std::pair<std::int64_t, FieldIndex>, Rollup>;
+
+/// Adds one decoded answer. Only the fields in `wanted` are looked at.
+void add_to(RollupRows& rows, const AnswerMeta& meta, const Sample& sample, const FieldSet& wanted);
+
 struct Rollups {
   Source source = Source::status;
-  std::map<std::pair<std::int64_t, FieldIndex>, Rollup> rows;
+  RollupRows rows;
 
   /// Adds to the rows that are there: a minute may have begun in an earlier block. Rows that are damaged stay as they
   /// are, so that whoever reads them is told.
@@ -46,7 +51,7 @@ class RollupMaker {
   FieldSet wanted_;
   Gates gates_;
   Sample sample_;
-  std::map<std::pair<std::int64_t, FieldIndex>, Rollup> rows_;
+  RollupRows rows_;
 };
 
 /// The fields of rollup_fields() that a stream of this part is rolled up for: all of status, of other sources what

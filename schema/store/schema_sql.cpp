@@ -26,6 +26,8 @@ struct Column {
 
 // clang-format off
 constexpr auto kTables = std::to_array<Table>({
+  // First of all, so that its root is page 2: readers find it there without the schema.
+  {"summary",     "the head of a closed part as one row; no row while the part is written", "", "STRICT"},
   {"part",        "this file: one row", "", "STRICT"},
   {"robot",       "robots, as configured and as they say they are", "", "STRICT"},
   {"session",     "starts of the recorder that wrote into this part", "", "STRICT"},
@@ -44,6 +46,9 @@ constexpr auto kTables = std::to_array<Table>({
 });
 
 constexpr auto kColumns = std::to_array<Column>({
+  {"summary", "id",   "INTEGER PRIMARY KEY", "1"},
+  {"summary", "data", "BLOB NOT NULL",       "part, robot, session, stream, coverage, unknown_key and sums of gap again; see summary.cpp"},
+
   {"part", "log",        "TEXT NOT NULL",    "identity of the log, the same in all its parts"},
   {"part", "number",     "INTEGER NOT NULL", "number of this part, from 1; order of parts"},
   {"part", "software",   "TEXT NOT NULL",    "what created the part"},

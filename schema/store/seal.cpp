@@ -78,22 +78,28 @@ std::string compare(Connection& connection, std::string_view table, const std::s
 
 }  // namespace
 
-void write_seal(Connection& connection) {
+SealedRows write_seal(Connection& connection) {
+  SealedRows rows;
   if (!can_be_sealed(connection)) {
-    return;
+    return rows;
   }
   Statement insert(connection, insert_sql("seal", "OR REPLACE"));
+  const auto seal = [&](std::string_view name, std::int64_t count, std::optional<std::int64_t> crc) {
+    insert.run(name, count, crc);
+    rows.emplace(name, count);
+  };
   for (const HeadTable& table : kHeadTables) {
     const Sum sum = sum_of(connection, select_sql(table.name));
-    insert.run(table.name, sum.rows, sum.crc);
+    seal(table.name, sum.rows, sum.crc);
     if (!table.needed.empty()) {
       const Sum needed = sum_of(connection, select_needed(table));
-      insert.run(table.needed_seal, needed.rows, needed.crc);
+      seal(table.needed_seal, needed.rows, needed.crc);
     }
   }
   for (const std::string_view table : kRecordTables) {
-    insert.run(table, connection.integer(fmt::format("SELECT count(*) FROM {}", table)), std::nullopt);
+    seal(table, connection.integer(fmt::format("SELECT count(*) FROM {}", table)), std::nullopt);
   }
+  return rows;
 }
 
 void break_seal(Connection& connection) {

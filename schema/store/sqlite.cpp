@@ -2,9 +2,10 @@
 
 #include <sqlite3.h>
 
-#include <array>
 #include <limits>
 #include <utility>
+
+#include "schema/store/record_format.hpp"
 
 namespace tacho::store {
 
@@ -159,33 +160,37 @@ bool Connection::checkpoint_truncate() {
   return true;
 }
 
-Connection::FileSize Connection::file_size() const {
+namespace {
+
+sqlite3_file* file_of(sqlite3* handle) {
   sqlite3_file* file = nullptr;
+  const int code = sqlite3_file_control(handle, "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file));
+  return code == SQLITE_OK && file != nullptr && file->pMethods != nullptr ? file : nullptr;
+}
+
+}  // namespace
+
+std::string Connection::file_bytes(std::uint64_t offset, int count) const {
+  sqlite3_file* file = file_of(handle_.get());
+  std::string bytes(static_cast<std::size_t>(count), '\0');
+  const bool all = file != nullptr &&
+                   file->pMethods->xRead(file, bytes.data(), count, static_cast<sqlite3_int64>(offset)) == SQLITE_OK;
+  return all ? bytes : std::string();
+}
+
+Connection::FileSize Connection::file_size() const {
   FileSize size;
-  if (sqlite3_file_control(handle_.get(), "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file)) != SQLITE_OK ||
-      file == nullptr || file->pMethods == nullptr) {
-    return size;
-  }
+  sqlite3_file* file = file_of(handle_.get());
   sqlite3_int64 bytes = 0;
-  std::array<unsigned char, kHeaderBytes> header{};
-  if (file->pMethods->xFileSize(file, &bytes) != SQLITE_OK) {
+  if (file == nullptr || file->pMethods->xFileSize(file, &bytes) != SQLITE_OK) {
     return size;
   }
   size.actual = static_cast<std::uint64_t>(bytes);
-  if (bytes < kHeaderBytes || file->pMethods->xRead(file, header.data(), kHeaderBytes, 0) != SQLITE_OK) {
-    return size;
-  }
-  const auto big_endian = [&](std::size_t at, std::size_t count) {
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < count; ++i) {
-      value = value << 8U | header[at + i];
-    }
-    return value;
-  };
+  const std::string header = file_bytes(0, kHeaderBytes);
   // The page count is only valid while the change counter equals the "version valid for" number.
-  if (big_endian(24, 4) == big_endian(92, 4)) {
-    const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2);
-    size.promised = page * big_endian(28, 4);
+  if (!header.empty() && big_endian(header, 24, 4) == big_endian(header, 92, 4)) {
+    const std::uint64_t page = big_endian(header, 16, 2) == 1 ? 65536 : big_endian(header, 16, 2);
+    size.promised = page * big_endian(header, 28, 4);
   }
   return size;
 }

@@ -78,8 +78,10 @@ class Connection {
   /// Copies the whole WAL into the database file and empties it; false when a reader is in the way.
   bool checkpoint_truncate();
 
-  /// Bytes of the file, and the bytes its header promises; 0 when there is no readable header. Asked of SQLite's own
-  /// file handle: opening the file a second time would drop the POSIX locks of this process.
+  /// Bytes of the file itself, past WAL, cache and locks; empty when they are not all there. Asked of SQLite's own file
+  /// handle: opening the file a second time would drop the POSIX locks of this process.
+  [[nodiscard]] std::string file_bytes(std::uint64_t offset, int count) const;
+  /// Bytes of the file, and the bytes its header promises; 0 when there is no readable header.
   struct FileSize {
     std::uint64_t actual = 0;
     std::uint64_t promised = 0;

@@ -1,6 +1,7 @@
 #include "schema/store/vocabulary.hpp"
 
 #include "schema/docs.hpp"
+#include "schema/store/checksum.hpp"
 #include "schema/store/schema_sql.hpp"
 
 namespace tacho::store {
@@ -110,6 +111,40 @@ Vocabulary read_vocabulary(Connection& connection) {
     }
   }
   return vocabulary;
+}
+
+const Vocabulary& own_vocabulary() {
+  static const Vocabulary own = [] {
+    Vocabulary vocabulary;
+    for (std::size_t i = 0; i < kSourceCount; ++i) {
+      vocabulary.source[i] = static_cast<Source>(i);
+    }
+    for (std::size_t i = 0; i < kFieldCount; ++i) {
+      vocabulary.field.push_back(static_cast<FieldIndex>(i));
+    }
+    return vocabulary;
+  }();
+  return own;
+}
+
+std::int64_t own_names() {
+  static const std::int64_t own = [] {
+    Checksum names;
+    for (const Field& field : kFields) {
+      names.add(field.name);
+    }
+    for (std::size_t i = 0; i < kSourceCount; ++i) {
+      names.add(source_name(static_cast<Source>(i)));
+    }
+    for (std::size_t i = 0; i < kCauseCount; ++i) {
+      names.add(cause_name(static_cast<Cause>(i)));
+    }
+    for (std::size_t i = 0; i <= static_cast<std::size_t>(WordOrder::dcba); ++i) {
+      names.add(word_order_name(static_cast<WordOrder>(i)));
+    }
+    return names.value();
+  }();
+  return own;
 }
 
 std::string pack_fields(const FieldSet& fields) {

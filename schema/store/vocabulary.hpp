@@ -21,8 +21,13 @@ void write_vocabulary(Connection& connection);
 struct Vocabulary {
   std::array<std::optional<Source>, 256> source;  ///< by hot.source
   std::vector<FieldIndex> field;                  ///< by field.id; kNoField when this program does not know the name
+  friend bool operator==(const Vocabulary&, const Vocabulary&) = default;
 };
 Vocabulary read_vocabulary(Connection& connection);
+/// Of a part that this program makes.
+const Vocabulary& own_vocabulary();
+/// A checksum of the names of fields, sources, causes and word orders of this program, in the order of their numbers.
+std::int64_t own_names();
 
 /// coverage.seen and coverage.valued of this program's field table, and back.
 std::string pack_fields(const FieldSet& fields);

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "analyzer/commands/info.hpp"
 #include "samples/simulator/write.hpp"
 #include "schema/log.hpp"
 #include "schema/store/sql/sqlite_export.hpp"
@@ -160,7 +161,7 @@ void measure(const fs::path& folder, double days) {
   print("one_hour_of_one_column", 1e3 * median(hour), "ms", 1, "lower");
 }
 
-/// 30 parts, one a day, as `info` reads them.
+/// 30 parts, one a day: opened alone, and with all that `info` tells of them.
 void measure_opening(const fs::path& folder) {
   sim::WriteOptions options;
   options.duration_us = 30 * 86'400'000'000;
@@ -169,15 +170,24 @@ void measure_opening(const fs::path& folder) {
   sim::write_log({sim::busy_day(1)}, options, folder / "month");
   const std::vector<fs::path> paths{folder / "month"};
   std::vector<double> opening;
-  for (int round = 0; round < kRounds; ++round) {
+  std::vector<double> telling;
+  for (int round = 0; round < 3 * kRounds; ++round) {
     opening.push_back(seconds([&] {
       const auto log = open_log_fast(paths);
       if (log->coverage().empty() || log->robots().empty()) {
         std::exit(1);
       }
     }));
+    telling.push_back(seconds([&] {
+      const auto log = open_log_fast(paths);
+      const auto* parts = dynamic_cast<const store::LogReader*>(log.get());
+      if (commands::info(*log, log->robots(), parts, {}).tables.empty() || parts->parts().size() < 30) {
+        std::exit(1);
+      }
+    }));
   }
   print("open_30_parts", 1e3 * median(opening), "ms", 10, "lower");
+  print("open_and_info_30_parts", 1e3 * median(telling), "ms", 10, "lower");
 }
 
 }  // namespace

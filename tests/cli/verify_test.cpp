@@ -260,17 +260,104 @@ TEST_CASE(
   INFO(verified.out << verified.err);
   CHECK(verified.code == 3);
   CHECK_THAT(verified.out, Catch::Contains("part 2") && Catch::Contains("is missing between others"));
+  const Outcome info = analyze({"info", log.string(), "--all"});
+  INFO(info.out << info.err);
+  CHECK_THAT(info.out, Catch::Contains("DATA-13") && Catch::Contains("part 2") &&
+                           Catch::Contains("is missing between others") && !Catch::Contains("defect"));
   const Outcome recovered = analyze({"recover", log.string(), "-o", (dir / "new").string()});
   CHECK(recovered.code == 3);
   CHECK_THAT(recovered.out, Catch::Contains("40 answers, 20 polls lost"));
   CHECK_THAT(records_of(dir / "new", 1).gaps.at(0), Catch::Contains("status 20+20 damaged"));
+  CHECK(analyze({"verify", (dir / "new").string()}).code == 0);
 
   fs::rename(dir / "two", log / "part-000002.db");
   fs::remove(log / "part-000001.db");
   const Outcome shorter = analyze({"verify", log.string()});
   INFO(shorter.out << shorter.err);
   CHECK(shorter.code == 0);
-  CHECK_THAT(shorter.out, Catch::Contains("the log begins with part 2"));
+  CHECK_THAT(shorter.out, Catch::Contains("the log begins with part 2") && Catch::Contains("moved away"));
+  CHECK_THAT(analyze({"info", log.string()}).out, Catch::Contains("the log begins with part 2"));
+}
+
+TEST_CASE("a part that retention removed is told of with what the log says about it") {
+  TempDir dir;
+  const fs::path log = dir / "log";
+  write_three_parts(log);
+  fs::remove(log / "part-000001.db");
+  {
+    store::LogWriter writer(log);
+    Session session;
+    session.t_start_us = 1'767'225'600'000'000 + 4 * 86'400'000'000;
+    Event removed;
+    removed.session = writer.begin_session(session);
+    removed.kind = EventKind::part_removed;
+    removed.t_from_us = removed.t_us = session.t_start_us;
+    removed.subject = "part 1";
+    removed.detail = "older than 3 days";
+    writer.add(removed);
+    writer.end_session(session.t_start_us + 1'000'000, true);
+  }
+  for (const char* command : {"info", "verify"}) {
+    const Outcome told = analyze({command, log.string()});
+    INFO(told.out << told.err);
+    CHECK(told.code == 0);
+    CHECK_THAT(told.out,
+               Catch::Contains("retention removed part 1 at 2026-01-05") && Catch::Contains("older than 3 days"));
+  }
+}
+
+TEST_CASE("a log that ends in the middle of a session says that a later part may be missing") {
+  TempDir dir;
+  const fs::path log = dir / "log";
+  write_three_parts(log);
+  CHECK_THAT(analyze({"info", log.string()}).out, !Catch::Contains("a later part is missing"));
+  fs::remove(log / "part-000003.db");
+  for (const char* command : {"info", "verify"}) {
+    const Outcome told = analyze({command, log.string()});
+    INFO(told.out << told.err);
+    CHECK_THAT(told.out, Catch::Contains("session 1 has not ended in it: a later part is missing"));
+  }
+}
+
+TEST_CASE("recover keeps the numbers of parts, and says of none that it was skipped") {
+  TempDir dir;
+  const fs::path log = dir / "log";
+  write_three_parts(log);
+  const auto before = answers_of(log, 1, Source::status);
+  fs::copy(log, dir / "whole");
+  {
+    std::fstream part(log / "part-000002.db", std::ios::in | std::ios::out | std::ios::binary);
+    part << std::string(1024, '\0');
+  }
+  const Outcome recovered = analyze({"recover", log.string(), "-o", (dir / "new").string()});
+  INFO(recovered.out << recovered.err);
+  CHECK(recovered.code == 0);
+  CHECK_THAT(recovered.err, Catch::Contains("part-000002.db") && Catch::Contains("looked for in its pages") &&
+                                !Catch::Contains("skipped"));
+  CHECK(answers_of(dir / "new", 1, Source::status) == before);
+  for (const char* part : {"part-000001.db", "part-000002.db", "part-000003.db"}) {
+    CHECK(answers_of(dir / "new" / part, 1, Source::status) == answers_of(dir / "whole" / part, 1, Source::status));
+  }
+  fs::remove(log / "part-000001.db");
+  CHECK(analyze({"recover", log.string(), "-o", (dir / "later").string()}).code == 0);
+  CHECK(!fs::exists(dir / "later" / "part-000001.db"));
+  CHECK(fs::exists(dir / "later" / "part-000002.db"));
+}
+
+TEST_CASE("a single part whose header is broken cannot be verified, and the message leads to recover") {
+  TempDir dir;
+  const fs::path log = copy_of_two_robots(dir);
+  {
+    std::fstream part(part_of(log), std::ios::in | std::ios::out | std::ios::binary);
+    part << "no header";
+  }
+  for (const fs::path& given : {log, part_of(log)}) {
+    const Outcome verified = analyze({"verify", given.string()});
+    INFO(verified.err);
+    CHECK(verified.code == 1);
+    CHECK_THAT(verified.err, Catch::Contains("part-000001.db") && Catch::Contains("is not an SQLite database") &&
+                                 Catch::Contains("tacho-analyzer recover") && !Catch::Contains("move it out"));
+  }
 }
 
 TEST_CASE("files that do not belong to the log are mentioned and are no damage") {

@@ -51,7 +51,8 @@ inline Gap gap_of(SessionId session, RobotId robot, Source source, std::uint64_t
 inline std::string body_of(std::uint64_t n) {
   std::string body = "{\"x\":" + std::to_string(static_cast<double>(n) * 0.125);
   for (int i = 0; i < 12; ++i) {
-    body += ",\"field_" + std::to_string(i) + "\":" + std::to_string((n * 2654435761U + static_cast<unsigned>(i)) % 97);
+    body += (i == 0 ? std::string(",\"voltage") : ",\"field_" + std::to_string(i)) +
+            "\":" + std::to_string((n * 2654435761U + static_cast<unsigned>(i)) % 97);
   }
   return body + "}";
 }

@@ -7,7 +7,10 @@
 #include "samples/simulator/answers.hpp"
 #include "schema/log.hpp"
 #include "schema/store/rollup.hpp"
+#include "schema/store/rows.hpp"
+#include "schema/store/schema_sql.hpp"
 #include "schema/store/sqlite.hpp"
+#include "schema/survey.hpp"
 #include "schema/wire/registers.hpp"
 #include "tests/schema/store_fixture.hpp"
 
@@ -252,6 +255,36 @@ TEST_CASE("a rollup that was changed, or is gone, is named") {
   CHECK(damage("UPDATE rollup SET max = 1e9 WHERE minute % 10 = 3") ==
         "9: 1 rows of table rollup are damaged and left out");
   CHECK(damage("DELETE FROM rollup WHERE minute % 10 = 3") == "9: 9 rows of table rollup were read, but it had 10");
+}
+
+TEST_CASE("rollups of closed parts are made again by verify, which names one that says otherwise though it is sound") {
+  TempDir dir;
+  TwoRobots robots(dir / "log", 200'000);
+  robots.session(400, true);
+  robots.session(170, false);
+  robots.session(200, true);
+  const std::vector<fs::path> paths{dir / "log"};
+  const auto verified = [&] {
+    const auto log = open_log(paths);
+    Survey found = survey(dynamic_cast<store::LogReader&>(*log));
+    CHECK(log->problems().empty());
+    return found;
+  };
+  CHECK(verified().first_rollups == std::vector<std::string>());
+  {
+    store::Connection part(part_files(dir / "log")[0], store::OpenMode::write);
+    store::Statement row(part, store::select_sql("rollup") + " WHERE robot = 1 LIMIT 1");
+    REQUIRE(row.step());
+    Rollup changed = *store::read_rollup(row, store::own_vocabulary());
+    row.reset();
+    changed.max += 1;
+    store::Statement replace(part, store::insert_sql("rollup", "OR REPLACE"));
+    store::write(replace, changed, static_cast<std::int64_t>(changed.source), changed.field);
+  }
+  const Survey found = verified();
+  CHECK(found.wrong_rollups == 1);
+  REQUIRE(found.first_rollups.size() == 1);
+  CHECK_THAT(found.first_rollups[0], Catch::Contains("rollup of robot 1 status"));
 }
 
 TEST_CASE("without a decoder there are no rollups, and everything else is as ever") {

@@ -132,6 +132,7 @@ std::vector<Coverage> MemoryLog::coverage() const {
   for (const Gap& gap : gaps_) {
     Coverage& c = all[{gap.robot, gap.source}];
     (gap.partial ? c.partial : c.missed) += gap.seq_count;
+    c.gaps.add(gap);
   }
   std::vector<Coverage> out;
   for (auto& [key, c] : all) {
