@@ -1,18 +1,21 @@
 #pragma once
 // Answers of one stream <-> the `data` column of one hot row.
 //
-// First the numbers of each answer, as varints (seven bits a byte, low group first; signed ones zigzag):
+// First the numbers of each answer: a byte of flags (Flag in hot_codec.cpp), then as varints (seven bits a byte, low
+// group first; signed ones zigzag)
 //   place among all answers of the part: how many there are between it and the one before (not for the first)
-//   poll: likewise (not for the first)
-//   time of sending: how its distance from the one before differs from the distance before that (not for the first)
+//   poll: likewise, where there are any (not for the first)
+//   time of sending: how its distance from the one before differs from the distance before that, where it does (not for
+//           the first)
 //   round trip: less that of the one before; signed
-//   length: less that of the one before, signed, times 4; plus 2 when the body is that of the answer before (for the
-//           first: of the base), plus 1 when there is a header
-//   header: its length, and its bytes
-// then, unless every body is that of the answer before, one method byte and the other bodies:
+//   length: less that of the one before, where it is not the same; signed
+//   header: its length and its bytes, where there is one
+// then, unless every body is that of the answer before (for the first: of the base), one method byte and the others:
 //   0  as they are
 //   1  as one zstd frame without its 4 magic bytes, content size and checksum; when the row has a base, the last body
 //      of the base was the prefix (ZSTD_CCtx_refPrefix)
+//   2  images: as many bytes each, and the base too. Of each its difference from the one before, byte by byte; then the
+//      first byte of all, the second of all, ...; that as one zstd frame without prefix
 // The row's own checksum (hot.crc) covers these bytes, so damage is found before anything is decompressed. The numbers
 // stand outside the frame, so that answers are counted without opening it.
 // Rejected: a trained dictionary (426 B against 250 B for the same answers, and it has to be kept for ever); a row per
@@ -77,8 +80,7 @@ struct FreeDecoder {
 
 class HotEncoder {
  public:
-  /// `level`: zstd level, 1 to 19; above 3 costs much time for little.
-  explicit HotEncoder(int level);
+  HotEncoder();
 
   struct Stored {
     std::string_view data;    ///< valid until the next encode()
@@ -90,9 +92,10 @@ class HotEncoder {
  private:
   std::unique_ptr<ZSTD_CCtx_s, FreeEncoder> context_;
   std::string out_;
+  std::string turned_;
   std::string frame_;
 
-  bool append_bodies(std::string_view bodies, const std::string* prefix);
+  bool append_bodies(std::string_view bodies, std::size_t length, const std::string* base);
 };
 
 /// The bodies of a row as they are stored.
@@ -101,6 +104,7 @@ struct PackedBodies {
   bool repeats_base = false;  ///< the first is that of the base
   std::size_t from_base = 0;  ///< bytes of bodies that come from there
   std::size_t total = 0;      ///< bytes of bodies, each once when it repeats
+  std::size_t length = 0;     ///< of each; 0: they differ
 };
 /// The answers of a row without their bodies. Empty when they make no sense: the row is damaged.
 std::optional<PackedBodies> read_marks(const HotRow& row, std::vector<HotMark>& marks);
@@ -115,6 +119,9 @@ class HotDecoder {
  private:
   std::unique_ptr<ZSTD_DCtx_s, FreeDecoder> context_;
   std::string frame_;
+  std::string turned_;
+
+  bool decompress(std::string_view bytes, const std::string* prefix, char* to, std::size_t size);
 };
 
 }  // namespace tacho::store

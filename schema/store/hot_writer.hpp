@@ -14,8 +14,7 @@ namespace tacho::store {
 
 class HotWriter {
  public:
-  HotWriter(int zstd_level, int keyframe_every)
-      : encoder_(zstd_level), keyframe_every_(static_cast<std::uint64_t>(keyframe_every)) {}
+  explicit HotWriter(int keyframe_every) : keyframe_every_(static_cast<std::uint64_t>(keyframe_every)) {}
 
   /// Of the next answer in a part.
   void set_next_place(std::int64_t place) { next_place_ = place; }

@@ -59,7 +59,7 @@ struct LogWriter::Impl : WriterHead {
       : options(std::move(how)),
         keeper(options.retention),
         parts(folder, options.durable, options.zstd_level, options.decode),
-        answers(options.zstd_level, options.keyframe_every),
+        answers(options.keyframe_every),
         repacker(options.zstd_level, options.decode),
         part_end(options.part_bytes, options.part_per_day) {
     open_newest();

@@ -30,7 +30,7 @@ struct WriterOptions {
   std::uint64_t part_bytes = 256u << 20;  ///< a part is closed when it is larger; smaller parts confine damage better
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 120;               ///< answers that depend on one row; smaller = larger log, faster seek
-  int zstd_level = 3;
+  int zstd_level = 3;                     ///< of blocks
   std::uint64_t wal_bytes = 32u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
   bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
   std::uint32_t first_part = 1;         ///< number of the first part of a new log; higher for a copy of a later one

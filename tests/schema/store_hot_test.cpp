@@ -272,7 +272,7 @@ store::HotRow row_of(const store::HotBatch& batch, std::string_view data) {
 
 TEST_CASE("the data of a row gives its answers back, and damaged data gives none or other ones, never more than fits") {
   std::mt19937_64 random(3);
-  store::HotEncoder encoder(3);
+  store::HotEncoder encoder;
   store::HotDecoder decoder;
   store::HotBatch out;
   for (int round = 0; round < 300; ++round) {
