@@ -1,6 +1,7 @@
 #pragma once
 // Time as the recorder sees it, behind an interface so that schedules can be tested in virtual time.
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -21,17 +22,22 @@ class Clock {
   [[nodiscard]] virtual std::optional<Micros> stopped_at() const = 0;
 };
 
-/// The host's clocks.
+/// The host's clocks, for one thread that sleeps and any that look on.
 class HostClock final : public Clock {
  public:
+  HostClock();
   [[nodiscard]] Micros mono_us() const override;
   [[nodiscard]] Micros wall_us() const override;
   bool sleep_until(Micros mono_us) override;
   [[nodiscard]] std::optional<Micros> stopped_at() const override;
   /// Wakes every sleeper. A second call changes nothing.
   void stop();
+  /// How long the sleeper has been awake, or has overslept: what it does takes that long. 0 while it sleeps as it
+  /// should, and before its first sleep.
+  [[nodiscard]] Micros busy_us() const;
 
  private:
+  std::atomic<Micros> busy_since_us_;  // in the future while asleep
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::optional<Micros> stopped_at_;

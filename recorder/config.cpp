@@ -137,6 +137,10 @@ void apply_periods(const std::string& list, Config& config) {
   }
 }
 
+std::string named(const RobotConfig& robot) {
+  return fmt::format("{}{}robot {}", robot.where, robot.where.empty() ? "" : ": ", robot.name);
+}
+
 void check_rates(const RobotConfig& robot, Source a, Source b, Micros spacing_us, std::string_view what) {
   double share = 0.0;
   for (const Source source : {a, b}) {
@@ -144,7 +148,7 @@ void check_rates(const RobotConfig& robot, Source a, Source b, Micros spacing_us
     share += period > 0 ? static_cast<double>(spacing_us) / static_cast<double>(period) : 0.0;
   }
   if (share > 1.0) {
-    throw UsageError(fmt::format("robot {}", robot.name),
+    throw UsageError(named(robot),
                      fmt::format("{} and {} together ask more often than the spacing of {} on one connection allows",
                                  source_name(a), source_name(b), duration_text(spacing_us)),
                      fmt::format("ask less often, or lower `spacing` of [{}]", what));
@@ -208,6 +212,22 @@ std::uint64_t parse_limit(std::string_view text, const std::string& what) {
   return text == "off" ? 0 : parse_size(text, what);
 }
 
+std::string parse_listen(std::string_view text, const std::string& what) {
+  if (text == "off") {
+    return "";
+  }
+  std::vector<std::string> parts = split_address(text);
+  if (parts.size() == 1) {
+    parts.insert(parts.begin(), "127.0.0.1");
+  }
+  if (parts.size() != 2 || parts[0].empty()) {
+    throw UsageError(what, fmt::format("'{}' is no place to listen at", text),
+                     "write PORT for this computer alone, or ADDRESS:PORT, as in 127.0.0.1:9460");
+  }
+  const bool v6 = parts[0].find(':') != std::string::npos;
+  return fmt::format("{}{}{}:{}", v6 ? "[" : "", parts[0], v6 ? "]" : "", parse_port(parts[1], what));
+}
+
 std::optional<WordOrder> parse_order(std::string_view text, const std::string& what) {
   if (text == "auto") {
     return std::nullopt;
@@ -265,6 +285,9 @@ void apply(const Overrides& overrides, Config& config) {
     const Micros timeout = parse_length(*overrides.timeout, "--timeout", kShortestTimeout, kLongestTimeout);
     for_all_settings(config, [&](Settings& s) { s.status.timeout_us = s.modbus.timeout_us = timeout; });
   }
+  if (overrides.metrics) {
+    config.metrics = parse_listen(*overrides.metrics, "--metrics");
+  }
   if (overrides.unit) {
     const int unit = check_unit(*overrides.unit, "--unit");
     for_all_settings(config, [&](Settings& s) { s.modbus.unit = unit; });
@@ -276,6 +299,10 @@ void apply(const Overrides& overrides, Config& config) {
   for (const std::string& text : overrides.robots) {
     config.robots.push_back(parse_robot(text, config.defaults));
   }
+}
+
+bool Overrides::any() const {
+  return !robots.empty() || log || periods || sources || commit || timeout || word_order || unit || metrics;
 }
 
 void validate(const Config& config) {
@@ -291,11 +318,11 @@ void validate(const Config& config) {
   std::set<std::string> names;
   for (const RobotConfig& robot : config.robots) {
     if (!names.insert(robot.name).second) {
-      throw UsageError(fmt::format("robot {}", robot.name), "given twice", "every robot needs its own name");
+      throw UsageError(named(robot), "given twice", "every robot needs its own name");
     }
     const auto& periods = robot.settings.period_us;
     if (std::all_of(periods.begin(), periods.end(), [](Micros p) { return p == 0; })) {
-      throw UsageError(fmt::format("robot {}", robot.name), "every source is off", "switch one on, or drop the robot");
+      throw UsageError(named(robot), "every source is off", "switch one on, or drop the robot");
     }
     check_rates(robot, Source::status, Source::io, robot.settings.status.spacing_us, "status");
     check_rates(robot, Source::registers, Source::inputs, robot.settings.modbus.spacing_us, "modbus");

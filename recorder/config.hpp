@@ -51,6 +51,7 @@ struct RobotConfig {
   std::uint16_t status_port = 19204;
   std::uint16_t modbus_port = 502;
   Settings settings;
+  std::string where;                          ///< "site.toml:12:1"; empty when it was a flag
   [[nodiscard]] std::string address() const;  ///< "host:status_port:modbus_port"
 };
 
@@ -59,6 +60,7 @@ struct Config {
   Micros commit_us = 1'000'000;                     ///< at most this much is lost by a power cut; longer spares flash
   std::uint64_t part_bytes = 256u << 20;            ///< a part is closed when larger
   store::RetentionRules retention{0, 0, 1u << 30};  ///< what is removed from the log, and when
+  std::string metrics;                              ///< "127.0.0.1:9460": numbers for Prometheus; empty: off
   Settings defaults;                                ///< of robots that say nothing else
   std::vector<RobotConfig> robots;
 };
@@ -73,9 +75,20 @@ struct Overrides {
   std::optional<std::string> timeout;
   std::optional<std::string> word_order;
   std::optional<int> unit;
+  std::optional<std::string> metrics;  ///< [HOST:]PORT
+  [[nodiscard]] bool any() const;
+};
+
+/// What is in force, and its text for the log: the file as it is when nothing on the command line changes it, else
+/// everything that is in force.
+struct LoadedConfig {
+  Config config;
+  std::string text;
 };
 
 /// All throw UsageError: file and line, the mistake, and what was meant or is allowed.
+/// `file` may be empty: flags alone.
+LoadedConfig load_config(const std::filesystem::path& file, const Overrides& overrides);
 Config read_config(const std::filesystem::path& file);
 Config parse_config(std::string_view toml, const std::string& file_name);
 void apply(const Overrides& overrides, Config& config);
@@ -94,6 +107,8 @@ std::uint64_t parse_size(std::string_view text, const std::string& what);
 /// Of [retention]: durations and sizes, 0 for "off".
 Micros parse_age(std::string_view text, const std::string& what);
 std::uint64_t parse_limit(std::string_view text, const std::string& what);
+/// "HOST:PORT" of "PORT", "HOST:PORT" or "[ADDRESS]:PORT"; loopback when there is no host; empty for "off".
+std::string parse_listen(std::string_view text, const std::string& what);
 std::optional<WordOrder> parse_order(std::string_view text, const std::string& what);
 int check_unit(std::int64_t unit, const std::string& what);
 

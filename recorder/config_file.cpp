@@ -3,11 +3,15 @@
 #include <fmt/format.h>
 
 #include <toml++/toml.h>
+#include <algorithm>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <iterator>
 #include <sstream>
+#include <utility>
 
 #include "recorder/config.hpp"
 #include "schema/text.hpp"
@@ -18,7 +22,7 @@ namespace {
 
 constexpr Micros kHour = 3'600'000'000;
 
-/// One key of a table: its name and what to do with its value. `what` is "site.toml:12: [modbus] unit".
+/// One key of a table: its name and what to do with its value. `what` is "site.toml:12:8: [modbus] unit".
 struct Key {
   std::string name;
   std::function<void(const toml::node& value, const std::string& what)> set;
@@ -28,9 +32,9 @@ class Reader {
  public:
   explicit Reader(std::string file) : file_(std::move(file)) {}
 
-  /// "site.toml:12"
+  /// "site.toml:12:5"
   [[nodiscard]] std::string at(const toml::source_region& region) const {
-    return fmt::format("{}:{}", file_, region.begin.line);
+    return fmt::format("{}:{}:{}", file_, region.begin.line, region.begin.column);
   }
 
   void table(const toml::table& table, const std::string& name, const std::vector<Key>& keys) const {
@@ -43,8 +47,8 @@ class Reader {
       }
       if (found == nullptr) {
         throw UsageError(at(key.source()),
-                         fmt::format("unknown key '{}'{}{}", key.str(), name.empty() ? "" : " in " + name,
-                                     did_you_mean(key.str(), known)),
+                         fmt::format("unknown {} '{}'{}{}", value.is_value() ? "key" : "table", key.str(),
+                                     name.empty() ? "" : " in " + name, did_you_mean(key.str(), known)),
                          "known are " + fmt::format("{}", fmt::join(known, ", ")));
       }
       found->set(value, fmt::format("{}: {}{}{}", at(value.source()), name, name.empty() ? "" : " ", key.str()));
@@ -94,6 +98,16 @@ const toml::table& table_of(const toml::node& value, const std::string& what) {
     throw UsageError(what, "a table was expected", "see samples/config/site.toml");
   }
   return *table;
+}
+
+void add_robot(RobotConfig robot, Config& config) {
+  const auto twin = std::find_if(config.robots.begin(), config.robots.end(),
+                                 [&](const RobotConfig& other) { return other.name == robot.name; });
+  if (twin != config.robots.end()) {
+    throw UsageError(robot.where, fmt::format("robot {} is given twice, first at {}", robot.name, twin->where),
+                     "every robot needs its own name");
+  }
+  config.robots.push_back(std::move(robot));
 }
 
 std::uint16_t port_of(const toml::node& value, const std::string& what) {
@@ -199,8 +213,9 @@ RobotConfig read_robot(const Reader& reader, const toml::table& table, const Set
   keys.push_back(
       {"modbus_port", [&](const toml::node& v, const std::string& what) { robot.modbus_port = port_of(v, what); }});
   reader.table(table, "[[robot]]", keys);
+  robot.where = reader.at(table.source());
   if (robot.name.empty() || robot.host.empty()) {
-    throw UsageError(reader.at(table.source()), fmt::format("a robot without {}", robot.name.empty() ? "name" : "host"),
+    throw UsageError(robot.where, fmt::format("a robot without {}", robot.name.empty() ? "name" : "host"),
                      "every [[robot]] needs name = \"...\" and host = \"...\"");
   }
   return robot;
@@ -240,6 +255,27 @@ void append_settings(const Settings& s, toml::table& out) {
   out.insert("modbus", modbus);
 }
 
+std::string text_of_file(const std::filesystem::path& file) {
+  const auto refuse = [&file](const std::string& cause) {
+    throw UsageError(file.string(), cause, "check the path given with --config");
+  };
+  std::error_code error;
+  if (std::filesystem::is_directory(file, error)) {
+    refuse("is a folder");
+  }
+  errno = 0;
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
+    refuse(std::strerror(errno));
+  }
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (in.bad()) {
+    refuse("cannot be read to its end");
+  }
+  return text.str();
+}
+
 }  // namespace
 
 Config parse_config(std::string_view toml, const std::string& file_name) {
@@ -259,6 +295,9 @@ Config parse_config(std::string_view toml, const std::string& file_name) {
   keys.push_back({"part_size", [&](const toml::node& v, const std::string& what) {
                     config.part_bytes = parse_size(text_of(v, what), what);
                   }});
+  keys.push_back({"metrics", [&](const toml::node& v, const std::string& what) {
+                    config.metrics = parse_listen(text_of(v, what), what);
+                  }});
   keys.push_back({"retention", [&](const toml::node& v, const std::string& what) {
                     reader.table(table_of(v, what), "[retention]", retention_keys(config.retention));
                   }});
@@ -273,25 +312,32 @@ Config parse_config(std::string_view toml, const std::string& file_name) {
   // Last, whatever their place in the file: robots start from the defaults.
   for (std::size_t i = 0; robots != nullptr && i < robots->size(); ++i) {
     const toml::node& item = (*robots)[i];
-    config.robots.push_back(read_robot(reader, table_of(item, reader.at(item.source())), config.defaults));
+    add_robot(read_robot(reader, table_of(item, reader.at(item.source())), config.defaults), config);
   }
   return config;
 }
 
-Config read_config(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) {
-    throw UsageError(file.string(), "cannot be read", "check the path given with --config");
+Config read_config(const std::filesystem::path& file) { return parse_config(text_of_file(file), file.string()); }
+
+LoadedConfig load_config(const std::filesystem::path& file, const Overrides& overrides) {
+  LoadedConfig out;
+  if (!file.empty()) {
+    out.text = text_of_file(file);
+    out.config = parse_config(out.text, file.string());
   }
-  std::ostringstream text;
-  text << in.rdbuf();
-  return parse_config(text.str(), file.string());
+  apply(overrides, out.config);
+  validate(out.config);
+  if (file.empty() || overrides.any()) {
+    out.text = to_toml(out.config);
+  }
+  return out;
 }
 
 std::string to_toml(const Config& config) {
   toml::table root{{"log", config.log.string()},
                    {"commit", fmt::format("{}us", config.commit_us)},
                    {"part_size", fmt::format("{}KB", config.part_bytes / 1024)},
+                   {"metrics", config.metrics.empty() ? "off" : config.metrics},
                    {"retention", to_table(config.retention)}};
   append_settings(config.defaults, root);
   toml::array robots;

@@ -1,6 +1,8 @@
 #include "recorder/console.hpp"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -8,6 +10,7 @@
 #include <functional>
 #include <numeric>
 
+#include "recorder/dashboard.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -28,35 +31,64 @@ std::string Console::status_text(const Progress& p) {
                      p.missed, p.queued, static_cast<double>(p.last_commit.count()) / 1e3, bytes_text(p.stored_bytes));
 }
 
-void Console::erase() {
-  if (!line_.empty()) {
-    fmt::print(stderr, "\r\x1b[K");
+namespace {
+
+constexpr const char* kHideCursor = "\x1b[?25l";
+constexpr const char* kShowCursor = "\x1b[?25h";
+
+Screen screen() {
+  winsize size{};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) {
+    return {};
   }
+  return {size.ws_col, size.ws_row};
+}
+
+void put(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stderr);
+  std::fflush(stderr);
+}
+
+}  // namespace
+
+/// To where the dashboard begins. In a window that was made narrower its lines take several rows each.
+std::string Console::to_top() const {
+  const std::size_t columns = screen().columns;
+  std::size_t rows = 0;
+  for (const std::string& line : lines_) {
+    rows += std::max<std::size_t>(1, (shown_width(line) + columns - 1) / columns);
+  }
+  return rows == 0 ? "" : fmt::format("\r\x1b[{}A", rows);
+}
+
+std::string Console::block() const {
+  std::string out;
+  for (const std::string& line : lines_) {
+    out += line + "\x1b[K\n";
+  }
+  return lines_.empty() ? "" : out + "\x1b[J";
 }
 
 void Console::message(std::string_view text) {
   const std::lock_guard lock(mutex_);
-  erase();
-  fmt::print(stderr, "{} {}\n{}", iso_utc(wall_now_us()), text, line_);
-  std::fflush(stderr);
+  put(fmt::format("{}{} {}{}\n{}", to_top(), iso_utc(wall_now_us()), text, lines_.empty() ? "" : "\x1b[K", block()));
 }
 
-void Console::status(const Progress& progress) {
+void Console::status(const Snapshot& snapshot) {
   if (!terminal_) {
     return;
   }
   const std::lock_guard lock(mutex_);
-  erase();
-  line_ = status_text(progress);
-  fmt::print(stderr, "{}", line_);
-  std::fflush(stderr);
+  const std::string top = lines_.empty() ? kHideCursor : to_top();
+  lines_ = dashboard(snapshot, screen());
+  put(top + block());
 }
 
 void Console::end_status() {
   const std::lock_guard lock(mutex_);
-  if (!line_.empty()) {
-    fmt::print(stderr, "\n");
-    line_.clear();
+  if (!lines_.empty()) {
+    put(kShowCursor);
+    lines_.clear();
   }
 }
 

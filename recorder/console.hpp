@@ -1,9 +1,12 @@
 #pragma once
-// Standard error, shared by messages and the status line. The line exists only on a terminal: one line, rewritten.
+// Standard error, shared by messages and the dashboard, which exists only on a terminal: below the messages, rewritten
+// in place by one write, so that it does not flicker.
 
+#include <cstddef>
 #include <mutex>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "recorder/recorder.hpp"
 
@@ -13,19 +16,23 @@ namespace tacho::recorder {
 class Console {
  public:
   explicit Console(bool terminal) : terminal_(terminal) {}
+  ~Console() { end_status(); }
+  Console(const Console&) = delete;
+  Console& operator=(const Console&) = delete;
   /// A line of its own: time, text.
   void message(std::string_view text);
-  void status(const Progress& progress);
-  /// Leaves the status line standing and goes to a new line.
+  void status(const Snapshot& snapshot);
+  /// Leaves the dashboard standing, the cursor below it and visible.
   void end_status();
   /// "robots 3/3  rows 1234  missed 0  queue 0  commit 0.4 ms  12.3 MB"
   static std::string status_text(const Progress& progress);
 
  private:
-  void erase();
+  [[nodiscard]] std::string to_top() const;
+  [[nodiscard]] std::string block() const;
   const bool terminal_;
   std::mutex mutex_;
-  std::string line_;
+  std::vector<std::string> lines_;
 };
 
 /// The table printed at the end of a recording: per robot and source planned, stored, missed by cause.

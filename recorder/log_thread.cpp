@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <future>
+#include <memory>
 #include <utility>
 
 #include "schema/error.hpp"
@@ -13,6 +14,7 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kAnswersBeforeIoNotice = 5;
+constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
 std::string_view connection_name(Source source) {
   return source == Source::status || source == Source::io ? "status port" : "modbus";
@@ -24,10 +26,22 @@ LogThread::LogThread(store::LogWriter& writer, Ingest& ingest, Options options)
     : writer_(writer),
       ingest_(ingest),
       options_(std::move(options)),
-      queue_(options_.queue_items, options_.queue_bytes),
-      answers_without_io_(options_.robot_ids.size(), 0) {}
+      queue_(options_.queue_items, options_.queue_bytes) {}
+
+void LogThread::watch(RobotId robot, const RobotConfig& config) {
+  const bool expects_io = config.settings.period(Source::io) == 0 && config.settings.status.request.keys.empty();
+  watched_[robot] = Watched{config.name, expects_io, 0};
+  const std::lock_guard lock(numbers_mutex_);
+  for (std::size_t s = 0; s < kSourceCount; ++s) {
+    if (config.settings.period_us[s] > 0) {
+      numbers_.streams[{robot, static_cast<Source>(s)}];
+    }
+  }
+}
 
 void LogThread::start() {
+  numbers_.forecast = options_.forecast;
+  foretell_at_ = std::chrono::steady_clock::now() + kForecastInterval;
   thread_ = std::thread([this] { run(); });
 }
 
@@ -49,9 +63,29 @@ void LogThread::word_order(RobotId robot, Source source, WordOrder order) {
   queue_.push(Item(OrderFound{robot, source, order}));
 }
 
-store::LogWriter::Stats LogThread::stats() const {
-  const std::lock_guard lock(stats_mutex_);
-  return stats_;
+void LogThread::call(std::function<void()> task) {
+  const auto job = std::make_shared<std::packaged_task<void()>>(std::move(task));
+  std::future<void> done = job->get_future();
+  queue_.push(Item(Task([job] { (*job)(); })));
+  while (done.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready) {
+    if (ended_) {
+      throw Error("the log", "is no longer written", "");
+    }
+  }
+  done.get();
+}
+
+Micros LogThread::busy_us() const {
+  const Micros since_us = busy_since_us_;
+  return since_us == 0 ? 0 : mono_now_us() - since_us;
+}
+
+LogThread::Numbers LogThread::numbers() const {
+  const std::lock_guard lock(numbers_mutex_);
+  Numbers out = numbers_;
+  out.queue_items = queue_.size();
+  out.queue_bytes = queue_.bytes();
+  return out;
 }
 
 void LogThread::finish(bool clean) {
@@ -71,23 +105,26 @@ void LogThread::run() {
     auto next_commit = std::chrono::steady_clock::now() + options_.commit_interval;
     bool open = true;
     while (open) {
+      busy_since_us_ = 0;
       open = queue_.pop_all(items, next_commit);
       for (const Item& item : items) {
+        busy_since_us_ = mono_now_us();
         write(item);
       }
       if (std::chrono::steady_clock::now() >= next_commit) {
+        busy_since_us_ = mono_now_us();
         commit();
         next_commit = std::chrono::steady_clock::now() + options_.commit_interval;
       }
     }
     options_.planned(writer_);
     writer_.end_session(wall_now_us(), clean_);
-    const std::lock_guard lock(stats_mutex_);
-    stats_ = writer_.stats();
+    publish();
   } catch (...) {
     error_ = std::current_exception();
     failed_ = true;
   }
+  ended_ = true;
 }
 
 /// One step on the log. Each poll and each row is a step of its own: the writer has to be told of every poll, also
@@ -114,8 +151,52 @@ void LogThread::commit() {
     disk_fails_ = false;
     options_.notice(fmt::format("the log is written again; {} polls lost so far", writer_.stats().lost));
   }
-  const std::lock_guard lock(stats_mutex_);
-  stats_ = writer_.stats();
+  publish();
+  if (std::chrono::steady_clock::now() >= foretell_at_) {
+    foretell();
+  }
+}
+
+void LogThread::publish() {
+  const std::lock_guard lock(numbers_mutex_);
+  const store::LogWriter::Stats& now = writer_.stats();
+  if (now.commits > numbers_.writer.commits) {
+    numbers_.commits.add(now.last_commit.count());
+  }
+  numbers_.writer = now;
+  for (auto& [key, stream] : numbers_.streams) {
+    stream.tally = writer_.tally(key.first, key.second);
+  }
+}
+
+void LogThread::foretell() {
+  foretell_at_ = std::chrono::steady_clock::now() + kForecastInterval;
+  try {
+    const store::Forecast forecast = writer_.forecast();
+    const std::lock_guard lock(numbers_mutex_);
+    numbers_.forecast = forecast;
+  } catch (const Error&) {
+    // The folder cannot be read now: what was foretold last stands.
+  }
+}
+
+/// Counts what the answers themselves do not say: how long they took, and how far the robot's clock is off.
+void LogThread::measure(const Answer& answer) {
+  constexpr FieldIndex kCreateOn = field("create_on");
+  const AnswerMeta& meta = answer.meta;
+  const Sample& sample = ingest_.last();
+  std::optional<Micros> robot_us;
+  if (sample.at(kCreateOn).has()) {
+    robot_us = parse_time(sample.text(kCreateOn), "UTC");
+  }
+  const std::lock_guard lock(numbers_mutex_);
+  StreamNumbers& stream = numbers_.streams[{meta.robot, meta.source}];
+  stream.last_round_trip_us = meta.t_recv_us - meta.t_send_us;
+  stream.last_answer_us = meta.t_recv_us;
+  stream.round_trip.add(stream.last_round_trip_us);
+  if (robot_us) {
+    numbers_.clock_offset_us[meta.robot] = *robot_us - meta.t_mid_us();
+  }
 }
 
 void LogThread::write(const Item& item) {
@@ -124,6 +205,7 @@ void LogThread::write(const Item& item) {
       attempt([&] { ingest_.add(*stored->before); });
     }
     attempt([&] { ingest_.append(stored->answer); });
+    measure(stored->answer);
     look_for_io(stored->answer);
   } else if (const auto* gap = std::get_if<Gap>(&item)) {
     attempt([&] { ingest_.add(*gap); });
@@ -132,33 +214,29 @@ void LogThread::write(const Item& item) {
     tell(*event);
   } else if (const auto* found = std::get_if<OrderFound>(&item)) {
     attempt([&] { ingest_.set_word_order(found->robot, found->source, found->order); });
+  } else if (const auto* task = std::get_if<Task>(&item)) {
+    (*task)();
   }
-}
-
-std::size_t LogThread::index_of(RobotId robot) const {
-  const auto& ids = options_.robot_ids;
-  return static_cast<std::size_t>(std::find(ids.begin(), ids.end(), robot) - ids.begin());
 }
 
 /// Says once that a robot's 1100 has no DI and DO, so that somebody can switch io on.
 void LogThread::look_for_io(const Answer& answer) {
-  const std::size_t robot = index_of(answer.meta.robot);
-  if (answer.meta.source != Source::status || !options_.expects_io[robot]) {
+  Watched& robot = watched_[answer.meta.robot];
+  if (answer.meta.source != Source::status || !robot.expects_io) {
     return;
   }
   const Sample& sample = ingest_.last();
   const bool has_io = sample.at(field("di")).state != State::absent || sample.at(field("do")).state != State::absent;
-  int& without = answers_without_io_[robot];
-  without = has_io ? 0 : without + 1;
-  if (without == kAnswersBeforeIoNotice) {
-    options_.expects_io[robot] = false;
-    options_.notice(fmt::format("{}: answers to 1100 carry no DI and DO; add --period io=2Hz to record them",
-                                options_.robot_names[robot]));
+  robot.answers_without_io = has_io ? 0 : robot.answers_without_io + 1;
+  if (robot.answers_without_io == kAnswersBeforeIoNotice) {
+    robot.expects_io = false;
+    options_.notice(
+        fmt::format("{}: answers to 1100 carry no DI and DO; add --period io=2Hz to record them", robot.name));
   }
 }
 
-void LogThread::tell(const Event& event) const {
-  const std::string& robot = options_.robot_names[index_of(event.robot)];
+void LogThread::tell(const Event& event) {
+  const std::string& robot = watched_[event.robot].name;
   switch (event.kind) {
     case EventKind::link_up:
       options_.notice(fmt::format("{}: {}: connected", robot, connection_name(event.source)));

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -17,8 +18,10 @@
 #include <variant>
 #include <vector>
 
+#include "recorder/config.hpp"
 #include "recorder/poller.hpp"
 #include "recorder/queue.hpp"
+#include "recorder/snapshot.hpp"
 #include "schema/log.hpp"
 
 namespace tacho::recorder {
@@ -32,16 +35,19 @@ class LogThread final : public Sink {
     /// Hands the planned counts of all streams to the writer; called before each commit.
     std::function<void(store::LogWriter&)> planned;
     std::function<void(const std::string&)> notice;
-    std::vector<std::string> robot_names;  ///< by RobotId - 1 of this recording, see name_of
-    std::vector<RobotId> robot_ids;
-    std::vector<bool> expects_io;  ///< io is off, so DI and DO must come with the status answers
+    store::Forecast forecast;  ///< as of the start
   };
 
-  /// `writer` has begun its session and knows its robots; it belongs to the thread until finish() returns.
+  /// `writer` has begun its session; it belongs to the thread until finish() returns.
   LogThread(store::LogWriter& writer, Ingest& ingest, Options options);
   ~LogThread() override;
+  /// What is recorded of a robot from now on. Before start(), or inside call().
+  void watch(RobotId robot, const RobotConfig& config);
   /// Begins writing; `planned` may be called from now on.
   void start();
+  /// Runs `task` on the thread, after everything queued so far, and waits for it. Throws what it throws, or Error when
+  /// the thread has ended.
+  void call(std::function<void()> task);
 
   // Sink, from any thread.
   [[nodiscard]] bool answer(Answer answer, const std::optional<Gap>& before) override;
@@ -52,8 +58,25 @@ class LogThread final : public Sink {
   /// Drains the queue, ends the session, joins. Throws when the end of the session cannot be written.
   void finish(bool clean);
   [[nodiscard]] bool failed() const { return failed_; }
-  [[nodiscard]] std::size_t queued() const { return queue_.size(); }
-  [[nodiscard]] store::LogWriter::Stats stats() const;
+  /// How long it has been at one row or one commit; 0 while it waits for work.
+  [[nodiscard]] Micros busy_us() const;
+
+  struct StreamNumbers {
+    store::LogWriter::Tally tally;  ///< as committed
+    Histogram round_trip;
+    Micros last_round_trip_us = 0;
+    Micros last_answer_us = 0;
+  };
+  struct Numbers {
+    std::size_t queue_items = 0;
+    std::size_t queue_bytes = 0;
+    store::LogWriter::Stats writer;  ///< as committed
+    Histogram commits;
+    std::map<std::pair<RobotId, Source>, StreamNumbers> streams;
+    std::map<RobotId, Micros> clock_offset_us;
+    store::Forecast forecast;
+  };
+  [[nodiscard]] Numbers numbers() const;
 
  private:
   struct OrderFound {
@@ -65,28 +88,39 @@ class LogThread final : public Sink {
     Answer answer;
     std::optional<Gap> before;
   };
-  using Item = std::variant<Stored, Gap, Event, OrderFound>;
+  using Task = std::function<void()>;
+  using Item = std::variant<Stored, Gap, Event, OrderFound, Task>;
+  struct Watched {
+    std::string name;
+    bool expects_io = false;  // io is off, so DI and DO must come with the status answers
+    int answers_without_io = 0;
+  };
 
   void run();
   template <class Work>
   void attempt(Work work);
   void write(const Item& item);
   void commit();
+  void measure(const Answer& answer);
+  void publish();
+  void foretell();
   void look_for_io(const Answer& answer);
-  void tell(const Event& event) const;
-  [[nodiscard]] std::size_t index_of(RobotId robot) const;
+  void tell(const Event& event);
 
   store::LogWriter& writer_;
   Ingest& ingest_;
   Options options_;
   Queue<Item> queue_;
-  std::vector<int> answers_without_io_;
+  std::map<RobotId, Watched> watched_;
   std::exception_ptr error_;  // written by the thread, read after join
   bool clean_ = false;        // written before the queue is closed, read after
   bool disk_fails_ = false;   // told, and nothing was committed since
   std::atomic<bool> failed_{false};
-  mutable std::mutex stats_mutex_;
-  store::LogWriter::Stats stats_;
+  std::atomic<bool> ended_{false};
+  std::atomic<Micros> busy_since_us_{0};  // monotonic; 0: waiting
+  std::chrono::steady_clock::time_point foretell_at_;
+  mutable std::mutex numbers_mutex_;
+  Numbers numbers_;
   std::thread thread_;
 };
 

@@ -1,21 +1,18 @@
 // tacho-recorder: keeps everything the robots say. Reads only.
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <csignal>
 #include <cstdio>
-#include <ctime>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "recorder/check.hpp"
 #include "recorder/config.hpp"
-#include "recorder/console.hpp"
-#include "recorder/recorder.hpp"
+#include "recorder/log_status.hpp"
+#include "recorder/log_tail.hpp"
+#include "recorder/run_command.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -23,99 +20,74 @@ namespace {
 
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
+constexpr int kNotRecorded = 3;
 
-struct Arguments {
-  std::string config_file;
+/// Of the commands that look at a log.
+struct LogArguments {
+  std::string log;
+  std::string format = "table";
+  std::vector<std::string> robots;
+  std::vector<std::string> sources;
+  std::vector<std::string> fields;
+  bool events = false;
+  std::string last;
   std::string run_for;
-  Overrides overrides;
 };
 
-/// The signals that end a recording. Blocked in every thread and fetched by main alone, so that no code runs inside a
-/// handler and a second Ctrl-C while the log is being closed changes nothing.
-sigset_t ending_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGINT);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGHUP);
-  return set;
-}
-
-Config load(const Arguments& arguments) {
-  Config config = arguments.config_file.empty() ? Config{} : read_config(arguments.config_file);
-  apply(arguments.overrides, config);
-  validate(config);
-  return config;
-}
-
-/// The file as it is when nothing on the command line changes it, else everything that is in force.
-std::string config_text(const Arguments& arguments, const Config& config) {
-  const Overrides& o = arguments.overrides;
-  const bool changed =
-      !o.robots.empty() || o.log || o.periods || o.sources || o.commit || o.timeout || o.word_order || o.unit;
-  if (arguments.config_file.empty() || changed) {
-    return to_toml(config);
-  }
-  std::ifstream in(arguments.config_file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-int run(const Arguments& arguments) {
-  const Config config = load(arguments);
-  if (config.log.empty()) {
-    throw UsageError("log", "no folder given", "use --log DIR, or log = \"DIR\" in the --config file");
-  }
-  std::optional<Micros> run_for;
-  if (!arguments.run_for.empty()) {
-    run_for = parse_length(arguments.run_for, "--for", 1000, Micros{3'650} * 86'400'000'000);
-  }
-  const sigset_t signals = ending_signals();
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-
-  Console console(isatty(STDERR_FILENO) == 1);
-  Recorder::Options options;
-  options.config_text = config_text(arguments, config);
-  options.run_for_us = run_for;
-  options.notice = [&console](const std::string& text) { console.message(text); };
-  Recorder recorder(config, std::move(options));
-  console.message(fmt::format("recording {} robot{} into {}", config.robots.size(),
-                              config.robots.size() == 1 ? "" : "s", config.log.string()));
-  for (const std::string& line : recorder.outlook()) {
-    console.message(line);
-  }
-  Micros next_status = mono_now_us();
-  while (!recorder.done()) {
-    const timespec tick{0, 50'000'000};
-    const int signal = sigtimedwait(&signals, nullptr, &tick);
-    if (signal > 0) {
-      console.message(fmt::format("{}: ending", signal == SIGINT ? "interrupted" : "told to stop"));
-      break;
-    }
-    if (mono_now_us() >= next_status) {
-      console.status(recorder.progress());
-      next_status = mono_now_us() + 1'000'000;
-    }
-  }
-  const std::vector<SourceSummary> summary = recorder.finish();
-  console.status(recorder.progress());
-  console.end_status();
-  fmt::print("{}", summary_text(summary));
-  std::fflush(stdout);
-  if (const std::string why = nothing_recorded(summary); !why.empty()) {
-    fmt::print(stderr, "tacho-recorder: error: {}\n", why);
-    return kFailed;
-  }
-  return 0;
-}
-
-int check_command(const Arguments& arguments) {
-  const CheckResult result = check(load(arguments));
+int check_command(const RunArguments& arguments) {
+  const CheckResult result = check(load_config(arguments.config_file, arguments.overrides).config);
   fmt::print("{}", result.text);
   return result.problems == 0 ? 0 : kFailed;
 }
 
-void add_options(CLI::App& command, Arguments& arguments) {
+int status_command(const LogArguments& arguments) {
+  const LogStatus status = read_status(arguments.log, wall_now_us());
+  fmt::print("{}", arguments.format == "json" ? status_json(status) : status_text(status));
+  return status.alive() ? 0 : kNotRecorded;
+}
+
+int tail_command(const LogArguments& arguments) {
+  const auto length = [](const std::string& text, const std::string& what) {
+    return parse_length(text, what, 0, Micros{3'650} * 86'400'000'000);
+  };
+  TailOptions options;
+  options.log = arguments.log;
+  options.robots = arguments.robots;
+  options.sources = parse_sources(arguments.sources);
+  options.fields = parse_fields(arguments.fields);
+  options.answers = !arguments.events;
+  options.json = arguments.format == "json";
+  const Micros last_us = arguments.last.empty() ? 0 : length(arguments.last, "--last");
+  std::optional<Micros> for_us;
+  if (!arguments.run_for.empty()) {
+    for_us = length(arguments.run_for, "--for");
+  }
+  Tail(std::move(options), wall_now_us() - last_us).follow(for_us);
+  return 0;
+}
+
+void add_log_options(CLI::App& command, LogArguments& arguments) {
+  command.add_option("log", arguments.log, "folder of the log")->type_name("LOG")->required();
+  command.add_option("--format", arguments.format, "table or json (table)")
+      ->check(CLI::IsMember({"table", "json"}))
+      ->type_name("FORMAT");
+}
+
+void add_tail_options(CLI::App& command, LogArguments& arguments) {
+  add_log_options(command, arguments);
+  command.add_option("--robot", arguments.robots, "these robots (all)")->delimiter(',')->type_name("NAME");
+  command.add_option("--source", arguments.sources, "answers of these sources (all)")
+      ->delimiter(',')
+      ->type_name("SOURCE");
+  command.add_option("--fields", arguments.fields, "fields to show; `tacho-analyzer fields` lists them")
+      ->delimiter(',')
+      ->type_name("FIELD");
+  command.add_flag("--events", arguments.events, "events and gaps alone, no answers");
+  command.add_option("--last", arguments.last, "begin with what came in this time: 10min")->type_name("TIME");
+  command.add_option("--for", arguments.run_for, "stop after this time")->type_name("TIME");
+}
+
+void add_options(CLI::App& command, RunArguments& arguments) {
   Overrides& o = arguments.overrides;
   command.add_option("--config", arguments.config_file, "TOML file; flags win over it (see samples/config/site.toml)");
   command.add_option("--robot", o.robots, "NAME=HOST[:STATUS_PORT[:MODBUS_PORT]]; repeat for more robots")
@@ -136,14 +108,24 @@ int parse_and_run(int argc, char** argv) {
   CLI::App app{"Records SEER Robokit robots: status port and Modbus TCP, read only.", "tacho-recorder"};
   app.set_version_flag("--version", "tacho-recorder " TACHO_VERSION);
   app.require_subcommand(1);
-  Arguments arguments;
+  RunArguments arguments;
   CLI::App* const run_cmd = app.add_subcommand("run", "record until a signal comes or the time is over");
   add_options(*run_cmd, arguments);
   run_cmd->add_option("--for", arguments.run_for, "stop after this time: 60s, 5min, 2h")->type_name("TIME");
   run_cmd->add_option("--commit", arguments.overrides.commit, "how often the log is made durable (1s)")
       ->type_name("TIME");
+  run_cmd
+      ->add_option("--metrics", arguments.overrides.metrics,
+                   "numbers for Prometheus at http://127.0.0.1:PORT/metrics; ADDRESS:PORT opens it to others (off)")
+      ->type_name("[ADDRESS:]PORT");
   CLI::App* const check_cmd = app.add_subcommand("check", "connect once, say what would be recorded; writes nothing");
   add_options(*check_cmd, arguments);
+  LogArguments of_log;
+  CLI::App* const status_cmd =
+      app.add_subcommand("status", "how the recording of a log is doing; exit code 3 when nobody records it");
+  add_log_options(*status_cmd, of_log);
+  CLI::App* const tail_cmd = app.add_subcommand("tail", "follow a log: new answers, events and gaps, one line each");
+  add_tail_options(*tail_cmd, of_log);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -152,7 +134,13 @@ int parse_and_run(int argc, char** argv) {
     }
     throw UsageError("arguments", error.what(), "see tacho-recorder --help");
   }
-  return check_cmd->parsed() ? check_command(arguments) : run(arguments);
+  if (status_cmd->parsed()) {
+    return status_command(of_log);
+  }
+  if (tail_cmd->parsed()) {
+    return tail_command(of_log);
+  }
+  return check_cmd->parsed() ? check_command(arguments) : run_command(arguments);
 }
 
 }  // namespace

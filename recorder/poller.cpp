@@ -19,6 +19,7 @@ Poller::Poller(PollerOptions options, std::unique_ptr<Link> link, Clock& clock, 
   for (const PolledSource& plan : options_.sources) {
     lanes_.push_back(std::make_unique<Lane>());
     lanes_.back()->plan = plan;
+    lanes_.back()->counters.planned = plan.first_seq;
   }
 }
 
@@ -36,7 +37,9 @@ void Poller::run(Micros start_us, Micros end_us) {
     stream.robot = options_.robot;
     stream.session = options_.session;
     stream.source = lane->plan.source;
-    lane->schedule.emplace(start_us + lane->plan.phase_us, lane->plan.period_us);
+    const Micros before_us = static_cast<Micros>(lane->plan.first_seq) * lane->plan.period_us;
+    lane->schedule.emplace(start_us + lane->plan.phase_us - before_us, lane->plan.period_us);
+    lane->schedule->take(lane->plan.first_seq);
     lane->gaps.emplace(stream, options_.gap_flush_us, [this](const Gap& gap) { sink_.gap(gap); });
   }
   while (!lanes_.empty()) {

@@ -33,6 +33,7 @@ struct PolledSource {
   Source source = Source::status;
   Micros period_us = 1'000'000;
   Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than the period
+  std::uint64_t first_seq = 0;  ///< number of the first poll: the stream goes on from an earlier poller
 };
 
 struct PollerOptions {

@@ -61,6 +61,11 @@ class Queue {
     const std::lock_guard lock(mutex_);
     return items_.size();
   }
+  /// Of the answers in it.
+  [[nodiscard]] std::size_t bytes() const {
+    const std::lock_guard lock(mutex_);
+    return bytes_;
+  }
   [[nodiscard]] std::uint64_t dropped() const {
     const std::lock_guard lock(mutex_);
     return dropped_;

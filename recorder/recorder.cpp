@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <ctime>
-#include <thread>
+#include <set>
 #include <utility>
 
-#include "recorder/link/modbus_link.hpp"
-#include "recorder/link/tcp_link.hpp"
+#include "recorder/link/register_plan.hpp"
 #include "recorder/log_thread.hpp"
+#include "recorder/reload.hpp"
 #include "schema/log.hpp"
 #include "schema/time.hpp"
 
@@ -18,15 +18,7 @@ namespace tacho::recorder {
 
 namespace {
 
-constexpr Micros kRobotStagger = 13'000;  // first polls of robots are this far apart, so that they do not burst
 constexpr Micros kForever = 4'000'000'000'000'000;  // 126 years
-
-struct Connection {
-  Protocol protocol;
-  std::array<Source, 2> sources;
-};
-constexpr std::array kConnections{Connection{Protocol::status_port, {Source::status, Source::io}},
-                                  Connection{Protocol::modbus, {Source::registers, Source::inputs}}};
 
 std::string host_text() {
   std::array<char, 256> name{};
@@ -37,24 +29,6 @@ std::string host_text() {
   const long minutes = local.tm_gmtoff / 60;
   return fmt::format("{} UTC{}{:02}:{:02}", name.data(), minutes < 0 ? '-' : '+', std::abs(minutes) / 60,
                      std::abs(minutes) % 60);
-}
-
-/// The sources of one connection, shifted against each other and against other robots.
-std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_index, const Connection& connection) {
-  std::vector<PolledSource> out;
-  Micros shortest = kForever;
-  for (const Source source : connection.sources) {
-    const Micros period = robot.settings.period(source);
-    if (period > 0) {
-      out.push_back({source, period, 0});
-      shortest = std::min(shortest, period);
-    }
-  }
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Micros apart = shortest * static_cast<Micros>(i) / static_cast<Micros>(out.size());
-    out[i].phase_us = (apart + kRobotStagger * static_cast<Micros>(robot_index)) % out[i].period_us;
-  }
-  return out;
 }
 
 Stream stream_of(const RobotConfig& robot, SessionId session, RobotId id, Source source) {
@@ -72,39 +46,21 @@ Stream stream_of(const RobotConfig& robot, SessionId session, RobotId id, Source
   return stream;
 }
 
-}  // namespace
+std::string period_text(Micros period) { return period == 0 ? "off" : duration_text(period); }
 
-std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol) {
-  const Settings& settings = robot.settings;
-  if (protocol == Protocol::modbus) {
-    ModbusLinkOptions options;
-    options.host = robot.host;
-    options.port = robot.modbus_port;
-    options.unit = settings.modbus.unit;
-    options.word_order = settings.modbus.word_order;
-    return std::make_unique<ModbusLink>(std::move(options));
-  }
-  TcpLinkOptions options;
-  options.host = robot.host;
-  options.port = robot.status_port;
-  options.version = settings.status.version;
-  options.status_body = wire::status_request_body(settings.status.request);
-  return std::make_unique<TcpLink>(std::move(options));
-}
+}  // namespace
 
 struct Recorder::Impl {
   Config config;
   Options options;
-  HostClock clock;
-  store::LogWriter writer;
+  store::LogWriter writer;  // of the log's thread, once that runs; so are the next two
   Ingest ingest;
-  std::vector<RobotId> ids;  // by robot of the configuration
-  std::unique_ptr<LogThread> log;
-  std::vector<std::unique_ptr<Poller>> pollers;
-  std::vector<std::size_t> owner;  // robot index of each poller
-  std::vector<std::thread> threads;
+  std::set<std::pair<RobotId, Source>> declared;
+  Session session;
   std::vector<std::string> outlook;
-  std::atomic<std::size_t> running{0};
+  std::map<std::string, RobotId> ids;
+  std::unique_ptr<LogThread> log;
+  std::unique_ptr<Fleet> fleet;
 
   Impl(const Config& c, Options o)
       : config(c), options(with_notice(std::move(o))), writer(config.log, writer_options()), ingest(writer) {}
@@ -126,26 +82,6 @@ struct Recorder::Impl {
     return out;
   }
 
-  SessionId begin() {
-    Session session;
-    session.t_start_us = wall_now_us();
-    session.software = "tacho-recorder " TACHO_VERSION;
-    session.config = options.config_text.empty() ? to_toml(config) : options.config_text;
-    session.host = host_text();
-    const SessionId id = writer.begin_session(session);
-    for (const RobotConfig& robot : config.robots) {
-      ids.push_back(writer.robot(robot.name, robot.address()));
-      for (std::size_t s = 0; s < kSourceCount; ++s) {
-        if (robot.settings.period_us[s] > 0) {
-          ingest.declare(stream_of(robot, id, ids.back(), static_cast<Source>(s)));
-        }
-      }
-    }
-    writer.add(ClockPoint{0, id, wall_now_us(), mono_now_us(), std::nullopt});
-    writer.commit();  // from here on a kill leaves a session that can be closed
-    return id;
-  }
-
   void make_log() {
     LogThread::Options out;
     out.commit_interval = std::chrono::microseconds(config.commit_us);
@@ -153,138 +89,242 @@ struct Recorder::Impl {
     out.queue_bytes = options.queue_bytes;
     out.planned = [this](store::LogWriter& w) { hand_over_planned(w); };
     out.notice = options.notice;
-    for (std::size_t i = 0; i < config.robots.size(); ++i) {
-      const RobotConfig& robot = config.robots[i];
-      out.robot_names.push_back(robot.name);
-      out.robot_ids.push_back(ids[i]);
-      out.expects_io.push_back(robot.settings.period(Source::io) == 0 && robot.settings.status.request.keys.empty());
-    }
+    out.forecast = writer.forecast();
+    outlook = {store::rules_text(config.retention), store::forecast_text(out.forecast, config.retention)};
     log = std::make_unique<LogThread>(writer, ingest, std::move(out));
   }
 
-  void make_pollers(SessionId session) {
+  /// Makes robot and streams known to the log.
+  void enter(const RobotConfig& robot) {
+    const RobotId id = writer.robot(robot.name, robot.address());
+    for (std::size_t s = 0; s < kSourceCount; ++s) {
+      const auto source = static_cast<Source>(s);
+      if (robot.settings.period(source) > 0 && declared.emplace(id, source).second) {
+        ingest.declare(stream_of(robot, session.id, id, source));
+      }
+    }
+    log->watch(id, robot);
+    ids[robot.name] = id;
+  }
+
+  void begin() {
+    session.t_start_us = wall_now_us();
+    session.software = "tacho-recorder " TACHO_VERSION;
+    session.config = options.config_text.empty() ? to_toml(config) : options.config_text;
+    session.host = host_text();
+    session.id = writer.begin_session(session);
+    for (const RobotConfig& robot : config.robots) {
+      enter(robot);
+    }
+    writer.add(ClockPoint{0, session.id, wall_now_us(), mono_now_us(), std::nullopt});
+    writer.commit();  // from here on a kill leaves a session that can be closed
+  }
+
+  void start() {
+    Fleet::Options out;
+    out.make = options.make;
+    out.session = session.id;
+    const Micros start_us = mono_now_us();
+    out.end_us = start_us + options.run_for_us.value_or(kForever);
+    fleet = std::make_unique<Fleet>(std::move(out), *log);
+    log->start();
     for (std::size_t i = 0; i < config.robots.size(); ++i) {
-      const RobotConfig& robot = config.robots[i];
-      for (const Connection& connection : kConnections) {
-        PollerOptions out;
-        out.robot = ids[i];
-        out.session = session;
-        out.sources = polled(robot, i, connection);
-        const bool modbus = connection.protocol == Protocol::modbus;
-        const Micros timeout = modbus ? robot.settings.modbus.timeout_us : robot.settings.status.timeout_us;
-        out.timeout = std::chrono::milliseconds(timeout / 1000);
-        out.spacing_us = modbus ? robot.settings.modbus.spacing_us : robot.settings.status.spacing_us;
-        if (!out.sources.empty()) {
-          pollers.push_back(
-              std::make_unique<Poller>(std::move(out), options.make(robot, connection.protocol), clock, *log));
-          owner.push_back(i);
-        }
+      fleet->start(config.robots[i], ids.at(config.robots[i].name), i, start_us);
+    }
+  }
+
+  void hand_over_planned(store::LogWriter& w) const {
+    for (const Fleet::StreamCounts& stream : fleet->streams()) {
+      w.planned(stream.id, stream.source, stream.planned);
+    }
+  }
+
+  void record_config(const std::string& text, const ReloadPlan& plan) {
+    Event event;
+    event.session = session.id;
+    event.kind = EventKind::config_changed;
+    event.t_us = event.t_from_us = wall_now_us();
+    event.subject = plan.text();
+    event.detail = text;
+    ingest.add(event);
+    writer.commit();
+  }
+
+  /// How a robot was asked and is asked now; empty: not at all. A stream that goes on after a pause says so, because
+  /// analyses must not integrate over it.
+  void record_rates(RobotId id, const Settings* before, const Settings* now) {
+    const auto counts = fleet->streams();
+    const LogThread::Numbers numbers = log->numbers();
+    for (std::size_t s = 0; s < kSourceCount; ++s) {
+      const Micros was = before == nullptr ? 0 : before->period_us[s];
+      const Micros is = now == nullptr ? 0 : now->period_us[s];
+      const auto source = static_cast<Source>(s);
+      const auto known =
+          std::find_if(counts.begin(), counts.end(), [&](const auto& c) { return c.id == id && c.source == source; });
+      const std::uint64_t seq = known == counts.end() ? 0 : known->planned;
+      const auto heard = numbers.streams.find({id, source});
+      if (was != is) {
+        log->event(rate_event(id, source, seq, {was, is}));
+      }
+      if (is > 0 && seq > 0 && heard != numbers.streams.end() && heard->second.last_answer_us > 0) {
+        log->gap(pause(id, source, seq, heard->second.last_answer_us));
       }
     }
   }
 
-  void start() {
-    const Micros start_us = clock.mono_us();
-    const Micros end_us = start_us + options.run_for_us.value_or(kForever);
-    running = pollers.size();
-    log->start();
-    for (const auto& poller : pollers) {
-      threads.emplace_back([this, &poller = *poller, start_us, end_us] {
-        poller.run(start_us, end_us);
-        --running;
-      });
+  [[nodiscard]] Event rate_event(RobotId id, Source source, std::uint64_t seq, std::pair<Micros, Micros> period) const {
+    Event event;
+    event.robot = id;
+    event.session = session.id;
+    event.source = source;
+    event.kind = EventKind::rate;
+    event.seq = seq;
+    event.t_us = event.t_from_us = wall_now_us();
+    event.old_value = period_text(period.first);
+    event.new_value = period_text(period.second);
+    event.detail = "the configuration was changed";
+    return event;
+  }
+
+  [[nodiscard]] Gap pause(RobotId id, Source source, std::uint64_t seq, Micros from_us) const {
+    Gap gap;
+    gap.robot = id;
+    gap.source = source;
+    gap.session = session.id;
+    gap.seq_from = seq;
+    gap.t_from_us = from_us;
+    gap.t_to_us = std::max(from_us, wall_now_us());
+    gap.cause = Cause::recorder_off;
+    gap.detail = "the configuration was changed";
+    return gap;
+  }
+
+  [[nodiscard]] const RobotConfig* find(const std::string& name) const {
+    const auto found = std::find_if(config.robots.begin(), config.robots.end(),
+                                    [&](const RobotConfig& robot) { return robot.name == name; });
+    return found == config.robots.end() ? nullptr : &*found;
+  }
+
+  void change(const ReloadPlan& plan, const Config& next) {
+    for (const std::string& name : plan.removed) {
+      fleet->retire(name);
+      record_rates(ids.at(name), &find(name)->settings, nullptr);
+    }
+    for (const RobotConfig& robot : plan.changed) {
+      fleet->retire(robot.name);
+    }
+    log->call([] {});  // what their pollers left in the queue is counted now
+    for (std::size_t i = 0; i < next.robots.size(); ++i) {
+      const RobotConfig& robot = next.robots[i];
+      const RobotConfig* const before = find(robot.name);
+      const bool changed = std::any_of(plan.changed.begin(), plan.changed.end(),
+                                       [&](const RobotConfig& other) { return other.name == robot.name; });
+      if (before != nullptr && !changed) {
+        continue;
+      }
+      const RobotId id = ids.at(robot.name);
+      record_rates(id, before == nullptr ? nullptr : &before->settings, &robot.settings);
+      if (const auto order = robot.settings.modbus.word_order;
+          order && before != nullptr && before->settings.modbus.word_order != order) {
+        set_word_order(id, robot, *order);
+      }
+      fleet->start(robot, id, i, mono_now_us());
     }
   }
 
-  void stop() {
-    clock.stop();
-    for (const auto& poller : pollers) {
-      poller->interrupt();
-    }
-  }
-
-  void join() {
-    for (std::thread& thread : threads) {
-      thread.join();
-    }
-    threads.clear();
-  }
-
-  void hand_over_planned(store::LogWriter& w) const {
-    for (const auto& poller : pollers) {
-      const PollerOptions& o = poller->options();
-      for (std::size_t s = 0; s < o.sources.size(); ++s) {
-        w.planned(o.robot, o.sources[s].source, poller->counters(s).planned);
+  /// Of the whole session: a robot has one order, so what was configured before was a mistake.
+  void set_word_order(RobotId id, const RobotConfig& robot, WordOrder order) {
+    for (const Source source : {Source::registers, Source::inputs}) {
+      if (robot.settings.period(source) > 0) {
+        log->word_order(id, source, order);
       }
     }
   }
 
   [[nodiscard]] std::vector<SourceSummary> summary() const {
     std::vector<SourceSummary> out;
-    for (std::size_t p = 0; p < pollers.size(); ++p) {
-      for (std::size_t s = 0; s < pollers[p]->options().sources.size(); ++s) {
-        SourceSummary row;
-        row.robot = config.robots[owner[p]].name;
-        row.source = pollers[p]->options().sources[s].source;
-        row.planned = pollers[p]->counters(s).planned;
-        const store::LogWriter::Tally tally = writer.tally(pollers[p]->options().robot, row.source);
-        row.stored = tally.stored;
-        row.partial = tally.partial;
-        row.missed = tally.missed;
-        out.push_back(std::move(row));
-      }
+    for (const Fleet::StreamCounts& stream : fleet->streams()) {
+      const store::LogWriter::Tally tally = writer.tally(stream.id, stream.source);
+      out.push_back({stream.robot, stream.source, stream.planned, tally.stored, tally.partial, tally.missed});
     }
     return out;
   }
 };
 
 Recorder::Recorder(const Config& config, Options options) : impl_(std::make_unique<Impl>(config, std::move(options))) {
-  const SessionId session = impl_->begin();
-  impl_->outlook = {store::rules_text(config.retention),
-                    store::forecast_text(impl_->writer.forecast(), config.retention)};
   impl_->make_log();
-  impl_->make_pollers(session);
+  impl_->begin();
   impl_->start();
 }
 
 Recorder::~Recorder() {
-  impl_->stop();
-  impl_->join();
+  impl_->fleet->stop();
+  impl_->fleet->join();
   impl_->log.reset();  // its thread still looks at the pollers' counters
 }
 
 std::vector<std::string> Recorder::outlook() const { return impl_->outlook; }
 
-void Recorder::stop() { impl_->stop(); }
+std::string Recorder::reload(const Config& next, const std::string& text) {
+  const ReloadPlan plan = plan_reload(impl_->config, next);
+  if (plan.nothing()) {
+    return "nothing differs";
+  }
+  impl_->log->call([&] {
+    for (const auto* robots : {&plan.changed, &plan.added}) {
+      std::for_each(robots->begin(), robots->end(), [&](const RobotConfig& robot) { impl_->enter(robot); });
+    }
+    impl_->record_config(text, plan);
+  });
+  impl_->change(plan, next);
+  impl_->config = next;
+  return plan.text();
+}
 
-bool Recorder::done() const { return impl_->running == 0 || impl_->log->failed(); }
+void Recorder::stop() { impl_->fleet->stop(); }
 
-Progress Recorder::progress() const {
-  Progress out;
-  out.robots = impl_->config.robots.size();
-  std::vector<bool> ok(out.robots, true);
-  for (std::size_t p = 0; p < impl_->pollers.size(); ++p) {
-    const Poller& poller = *impl_->pollers[p];
-    ok[impl_->owner[p]] = ok[impl_->owner[p]] && poller.link_up();
-    for (std::size_t s = 0; s < poller.options().sources.size(); ++s) {
-      out.missed += poller.counters(s).missed_total();
+bool Recorder::done() const { return impl_->fleet->running() == 0 || impl_->log->failed(); }
+
+Snapshot Recorder::snapshot() const {
+  LogThread::Numbers numbers = impl_->log->numbers();
+  Snapshot out;
+  out.now_us = wall_now_us();
+  out.since_us = impl_->session.t_start_us;
+  out.links = impl_->fleet->links();
+  for (const Fleet::StreamCounts& stream : impl_->fleet->streams()) {
+    const LogThread::StreamNumbers& written = numbers.streams[{stream.id, stream.source}];
+    StreamNow now{stream.robot, stream.source, stream.period_us, stream.planned, 0, 0, stream.missed, {}, 0, 0};
+    now.stored = written.tally.stored;
+    now.partial = written.tally.partial;
+    constexpr auto kDisk = static_cast<std::size_t>(Cause::disk);
+    now.missed[kDisk] = written.tally.missed[kDisk];
+    now.round_trip = written.round_trip;
+    now.last_round_trip_us = written.last_round_trip_us;
+    now.last_answer_us = written.last_answer_us;
+    out.streams.push_back(std::move(now));
+    if (const auto offset = numbers.clock_offset_us.find(stream.id); offset != numbers.clock_offset_us.end()) {
+      out.clock_offset_us[stream.robot] = offset->second;
     }
   }
-  out.robots_ok = static_cast<std::size_t>(std::count(ok.begin(), ok.end(), true));
-  const store::LogWriter::Stats stats = impl_->log->stats();
-  out.rows = stats.rows;
-  out.missed += stats.lost;
-  out.queued = impl_->log->queued();
-  out.last_commit = stats.last_commit;
-  out.stored_bytes = stats.stored_bytes;
+  out.queue_items = numbers.queue_items;
+  out.queue_bytes = numbers.queue_bytes;
+  out.writer = numbers.writer;
+  out.commits = numbers.commits;
+  out.forecast = numbers.forecast;
+  return out;
+}
+
+std::vector<Beat> Recorder::beats() const {
+  std::vector<Beat> out = impl_->fleet->beats();
+  out.push_back({"the writer", impl_->log->busy_us(), kWriterMayTake});
   return out;
 }
 
 std::vector<SourceSummary> Recorder::finish() {
-  if (impl_->running != 0) {
-    impl_->stop();
+  if (impl_->fleet->running() != 0) {
+    impl_->fleet->stop();
   }
-  impl_->join();
+  impl_->fleet->join();
   impl_->log->finish(true);
   return impl_->summary();
 }

@@ -4,7 +4,6 @@
 //   poller thread per robot and protocol -> queue -> one writer thread (Ingest, LogWriter)
 
 #include <array>
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,9 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "recorder/clock.hpp"
 #include "recorder/config.hpp"
-#include "recorder/poller.hpp"
+#include "recorder/fleet.hpp"
+#include "recorder/health.hpp"
+#include "recorder/snapshot.hpp"
 
 namespace tacho::recorder {
 
@@ -27,22 +27,6 @@ struct SourceSummary {
   std::uint64_t partial = 0;
   std::array<std::uint64_t, kCauseCount> missed{};
 };
-
-struct Progress {
-  std::size_t robots = 0;
-  std::size_t robots_ok = 0;  ///< every connection of theirs is up
-  std::uint64_t rows = 0;
-  std::uint64_t missed = 0;
-  std::size_t queued = 0;
-  std::chrono::microseconds last_commit{0};
-  std::uint64_t stored_bytes = 0;
-};
-
-enum class Protocol : std::uint8_t { status_port, modbus };
-
-/// Makes the link of one robot; tests put their own in.
-using LinkFactory = std::function<std::unique_ptr<Link>(const RobotConfig&, Protocol)>;
-std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol);
 
 class Recorder {
  public:
@@ -63,11 +47,20 @@ class Recorder {
 
   /// The rules of retention and how long the disk will do, in words, as of the start.
   [[nodiscard]] std::vector<std::string> outlook() const;
+  /// Goes on with another configuration, whose text is kept in the log: an event config_changed, written before
+  /// anything changes, and an event rate for every stream that is asked differently often. Robots whose settings are
+  /// the same lose no poll. The session goes on, and so do the numbers of polls of a robot that comes back. Says what
+  /// has changed. Throws UsageError for what cannot be changed while recording, Error when the log cannot be written:
+  /// nothing has changed then. From one thread.
+  std::string reload(const Config& next, const std::string& text);
   /// Ends polling at once. Thread-safe.
   void stop();
   /// True when there is nothing to wait for: the time is over and every poller has returned, or the log broke.
   [[nodiscard]] bool done() const;
-  [[nodiscard]] Progress progress() const;
+  /// From any thread, as are the next two.
+  [[nodiscard]] Snapshot snapshot() const;
+  [[nodiscard]] Progress progress() const { return progress_of(snapshot()); }
+  [[nodiscard]] std::vector<Beat> beats() const;
   /// Stops if need be, writes everything out, ends the session. Throws what broke the log, if something did.
   std::vector<SourceSummary> finish();
 

@@ -2,7 +2,7 @@
 # Installs what is missing to build and test on Debian 12. Does nothing when everything is there.
 set -euo pipefail
 packages="g++ cmake ninja-build ccache pkg-config libsqlite3-dev libmodbus-dev nlohmann-json3-dev libeigen3-dev libcli11-dev catch2
-  libzstd-dev libsimdjson-dev libtomlplusplus-dev libfmt-dev libpng-dev libssl-dev libhowardhinnant-date-dev tzdata"
+  libzstd-dev libsimdjson-dev libtomlplusplus-dev libcpp-httplib-dev libfmt-dev libpng-dev libssl-dev libhowardhinnant-date-dev tzdata"
 missing=""
 for package in $packages; do
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"

@@ -333,6 +333,7 @@ bool derived_from_answers(EventKind kind) {
     case EventKind::clock_step:
     case EventKind::mark:
     case EventKind::part_removed:
+    case EventKind::config_changed:
       return false;
     default:
       return true;

@@ -35,11 +35,12 @@ constexpr std::array<Words, 18> kCauses{{
 }};
 
 constexpr std::array<std::string_view, kEventKindCount> kEventKinds{
-    "link_up",        "link_down", "client_limit", "error_frame", "no_sequence_echo", "alarm_raised",   "alarm_cleared",
-    "alarm_repeated", "blocked",   "slowed",       "emergency",   "driver_emergency", "charging",       "station",
-    "task",           "map",       "localisation", "reboot",      "digital_input",    "digital_output", "control_owner",
-    "identity",       "rate",      "word_order",   "unknown_key", "undecodable",      "clock_step",     "mark",
-    "part_removed"};
+    "link_up",       "link_down",        "client_limit",   "error_frame",   "no_sequence_echo",
+    "alarm_raised",  "alarm_cleared",    "alarm_repeated", "blocked",       "slowed",
+    "emergency",     "driver_emergency", "charging",       "station",       "task",
+    "map",           "localisation",     "reboot",         "digital_input", "digital_output",
+    "control_owner", "identity",         "rate",           "word_order",    "unknown_key",
+    "undecodable",   "clock_step",       "mark",           "part_removed",  "config_changed"};
 
 }  // namespace
 

@@ -119,9 +119,10 @@ enum class EventKind : std::uint8_t {
   undecodable,
   clock_step,
   mark,
-  part_removed,  ///< retention has removed a part of the log; of no robot
+  part_removed,    ///< retention has removed a part of the log; of no robot
+  config_changed,  ///< the recorder goes on with another configuration, its text is in detail; of no robot
 };
-inline constexpr std::size_t kEventKindCount = 29;
+inline constexpr std::size_t kEventKindCount = 30;
 std::string_view event_kind_name(EventKind kind);
 
 /// An edge seen between two polls: it happened in (t_from_us, t_us]. For things without a previous poll both are equal.

@@ -1,7 +1,13 @@
 // Configuration: what is accepted, what every mistake is answered with, and the way out and back in.
 
 #include "recorder/config.hpp"
+
+#include <unistd.h>
+
+#include <fstream>
+
 #include "tests/support/catch.hpp"
+#include "tests/support/temp_dir.hpp"
 
 using namespace tacho;
 using namespace tacho::recorder;
@@ -102,12 +108,12 @@ TEST_CASE("what is written out is read back as the same configuration") {
 }
 
 TEST_CASE("a mistake in the file is answered with its line and what was meant") {
-  CHECK(has(error_of("[[robot]]\nname = 'a'\nhsot = 'b'\n"), "site.toml:3: unknown key 'hsot'"));
+  CHECK(has(error_of("[[robot]]\nname = 'a'\nhsot = 'b'\n"), "site.toml:3:1: unknown key 'hsot'"));
   CHECK(has(error_of("[[robot]]\nname = 'a'\nhsot = 'b'\n"), "did you mean 'host'"));
-  CHECK(
-      has(error_of("[modbus]\nunit = 1\n\nword_ordr = 'cdab'\n"), "site.toml:4: unknown key 'word_ordr' in [modbus]"));
-  CHECK(has(error_of("[sources]\nstatus = 'often'\n"), "site.toml:2: [sources] status: 'often' is no period"));
-  CHECK(has(error_of("[sources]\nstatus = 1\n"), "site.toml:2: [sources] status: a text was expected"));
+  CHECK(has(error_of("[modbus]\nunit = 1\n\nword_ordr = 'cdab'\n"),
+            "site.toml:4:1: unknown key 'word_ordr' in [modbus]"));
+  CHECK(has(error_of("[sources]\nstatus = 'often'\n"), "site.toml:2:10: [sources] status: 'often' is no period"));
+  CHECK(has(error_of("[sources]\nstatus = 1\n"), "site.toml:2:10: [sources] status: a text was expected"));
   CHECK(has(error_of("[modbus]\nunit = 248\n"), "248 is no unit id"));
   CHECK(has(error_of("[modbus]\nword_order = 'acbd'\n"), "no word order 'acbd'"));
   CHECK(has(error_of("[status]\nversion = 256\n"), "does not fit into a byte"));
@@ -115,7 +121,7 @@ TEST_CASE("a mistake in the file is answered with its line and what was meant") 
   CHECK(has(error_of("[status]\nreturn_laser = 'no'\n"), "true or false was expected"));
   CHECK(has(error_of("[status]\ntimeout = '5h'\n"), "out of range"));
   CHECK(has(error_of("[robot]\nname = 'a'\n"), "write [[robot]] with two brackets"));
-  CHECK(has(error_of("\n\n[[robot]]\nname = 'a'\n"), "site.toml:3: a robot without host"));
+  CHECK(has(error_of("\n\n[[robot]]\nname = 'a'\n"), "site.toml:3:1: a robot without host"));
   CHECK(has(error_of("part_size = '1KB'\n"), "is no size"));
   CHECK(has(error_of("[retention]\naeg = '90d'\n"), "unknown key 'aeg' in [retention]; did you mean 'age'"));
   CHECK(has(error_of("[retention]\nage = '5min'\n"), "[retention] age: 5min is out of range"));
@@ -123,6 +129,79 @@ TEST_CASE("a mistake in the file is answered with its line and what was meant") 
   CHECK(has(error_of("[retention]\nreserve = 1\n"), "[retention] reserve: a text was expected"));
   CHECK(has(error_of("log = 'x'\nlog = 'y'\n"), "site.toml:2:"));
   CHECK(has(error_of("robot = 3\n"), "site.toml:1:"));
+}
+
+TEST_CASE("tables that do not exist, and values that are no tables, are named with what was meant") {
+  CHECK(has(error_of("[sorces]\nstatus = '1s'\n"), "site.toml:1:2: unknown table 'sorces'; did you mean 'sources'?"));
+  CHECK(has(error_of("[[robto]]\nname = 'a'\n"), "unknown table 'robto'; did you mean 'robot'?"));
+  CHECK(has(error_of("[[robot]]\nname='a'\nhost='b'\n[robot.modbsu]\nunit=1\n"),
+            "site.toml:4:8: unknown table 'modbsu' in [[robot]]; did you mean 'modbus'?"));
+  CHECK(has(error_of("sources = '1s'\n"), "site.toml:1:11: sources: a table was expected"));
+  CHECK(has(error_of("modbus = [1]\n"), "site.toml:1:10: modbus: a table was expected"));
+  CHECK(has(error_of("robot = [1, 2]\n"), "site.toml:1:10: a table was expected"));
+}
+
+TEST_CASE("what is no TOML at all is answered with the place where it stops being some") {
+  CHECK(has(error_of("log = 'x\n"), "site.toml:1:"));
+  CHECK(has(error_of("log = 'x'\n[modbus\nunit = 1\n"), "site.toml:2:"));
+  CHECK(has(error_of("log = 'x'\n[modbus]\nunit = 1\n[modbus]\n"), "site.toml:4:"));
+  CHECK(has(error_of("log = '\xff'\n"), "site.toml:1:"));
+  CHECK(has(error_of(std::string("log = 'a\0b'\n", 12)), "site.toml:1:"));
+  CHECK(has(error_of("[modbus]\nunit = 99999999999999999999\n"), "site.toml:2:"));
+  CHECK(has(error_of("{\"log\": 1}"), "site.toml:1:"));
+  CHECK(has(error_of(""), "robots: none given"));
+  CHECK(has(error_of("# nothing but words\n"), "robots: none given"));
+}
+
+TEST_CASE("values out of range are refused with what is allowed") {
+  CHECK(has(error_of("[[robot]]\nname='a'\nhost='b'\nstatus_port=0\n"), "0 is no port; give a number from 1 to 65535"));
+  CHECK(has(error_of("[[robot]]\nname='a'\nhost='b'\nmodbus_port=65536\n"), "65536 is no port"));
+  CHECK(has(error_of("[modbus]\nunit = -1\n"), "-1 is no unit id"));
+  CHECK(has(error_of("commit = '1ms'\n"), "1ms is out of range; allowed is 50 ms to"));
+  CHECK(has(error_of("[sources]\nstatus = '1ms'\n"), "from 10 ms to 24 h"));
+  CHECK(has(error_of("metrics = 'everywhere'\n"), "'everywhere' is no port"));
+  CHECK(has(error_of("metrics = 'a:1:2'\n"), "no place to listen at"));
+}
+
+TEST_CASE("metrics listen on loopback unless an address is given") {
+  CHECK(parse_listen("9460", "m") == "127.0.0.1:9460");
+  CHECK(parse_listen("0.0.0.0:9460", "m") == "0.0.0.0:9460");
+  CHECK(parse_listen("[::1]:9460", "m") == "[::1]:9460");
+  CHECK(parse_listen("off", "m").empty());
+  CHECK(parse_config(kRobot, "site.toml").metrics.empty());
+}
+
+TEST_CASE("a file that cannot be read is named with the reason") {
+  const tacho::test::TempDir dir;
+  const auto refused = [](const std::filesystem::path& file) -> std::string {
+    try {
+      load_config(file, {});
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CHECK(refused(dir / "none.toml") ==
+        (dir / "none.toml").string() + ": No such file or directory; check the path given with --config");
+  CHECK(has(refused(dir.path()), "is a folder"));
+  std::ofstream(dir / "empty.toml").close();
+  CHECK(has(refused(dir / "empty.toml"), "robots: none given"));
+  std::ofstream(dir / "secret.toml") << kRobot;
+  std::filesystem::permissions(dir / "secret.toml", std::filesystem::perms::none);
+  if (geteuid() != 0) {  // root may read everything
+    CHECK(has(refused(dir / "secret.toml"), "Permission denied"));
+  }
+}
+
+TEST_CASE("the text for the log is the file as it is, or everything in force when a flag changes it") {
+  const tacho::test::TempDir dir;
+  std::ofstream(dir / "site.toml") << "# my robots\n" + kRobot;
+  CHECK(load_config(dir / "site.toml", {}).text == "# my robots\n" + kRobot);
+  Overrides flags;
+  flags.commit = "5s";
+  const LoadedConfig changed = load_config(dir / "site.toml", flags);
+  CHECK(changed.text == to_toml(changed.config));
+  CHECK(parse_config(changed.text, "again").commit_us == 5'000'000);
 }
 
 TEST_CASE("a gigabyte of the disk is kept free, and nothing else removes parts, unless the file says so") {
@@ -145,8 +224,12 @@ TEST_CASE("timeout, the parameter that raises an alarm on the robot, cannot be a
 
 TEST_CASE("settings that cannot work together are refused") {
   CHECK(has(error_of(std::string("log = 'x'\n")), "none given"));
-  CHECK(has(error_of(kRobot + kRobot), "amr-1: given twice"));
-  CHECK(has(error_of("[sources]\nstatus='off'\nregisters='off'\ninputs='off'\n" + kRobot), "every source is off"));
+  CHECK(has(error_of(kRobot + kRobot), "site.toml:4:1: robot amr-1 is given twice, first at site.toml:1:1"));
+  Overrides twice = with_robot();
+  twice.robots.push_back(twice.robots[0]);
+  CHECK(has(error_of(twice), "robot amr-1: given twice"));
+  CHECK(has(error_of("[sources]\nstatus='off'\nregisters='off'\ninputs='off'\n" + kRobot),
+            "site.toml:5:1: robot amr-1: every source is off"));
   CHECK(has(error_of("[sources]\nstatus='100ms'\nio='10Hz'\n" + kRobot), "more often than the spacing"));
   CHECK(error_of("[sources]\nstatus='200ms'\nio='5Hz'\n" + kRobot).empty());
   CHECK(has(error_of("[retention]\nsize='300MB'\n" + kRobot), "less than two parts of 256.0 MB"));

@@ -1,0 +1,220 @@
+#include "recorder/fleet.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "recorder/link/modbus_link.hpp"
+#include "recorder/link/tcp_link.hpp"
+#include "schema/time.hpp"
+
+namespace tacho::recorder {
+
+namespace {
+
+constexpr Micros kRobotStagger = 13'000;  // first polls of robots are this far apart, so that they do not burst
+
+struct Connection {
+  Protocol protocol;
+  std::array<Source, 2> sources;
+};
+constexpr std::array kConnections{Connection{Protocol::status_port, {Source::status, Source::io}},
+                                  Connection{Protocol::modbus, {Source::registers, Source::inputs}}};
+
+/// The sources of one connection, shifted against each other and against other robots.
+std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_index, const Connection& connection) {
+  std::vector<PolledSource> out;
+  Micros shortest = 0;
+  for (const Source source : connection.sources) {
+    const Micros period = robot.settings.period(source);
+    if (period > 0) {
+      out.push_back({source, period, 0});
+      shortest = shortest == 0 ? period : std::min(shortest, period);
+    }
+  }
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Micros apart = shortest * static_cast<Micros>(i) / static_cast<Micros>(out.size());
+    out[i].phase_us = (apart + kRobotStagger * static_cast<Micros>(robot_index)) % out[i].period_us;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol) {
+  const Settings& settings = robot.settings;
+  if (protocol == Protocol::modbus) {
+    ModbusLinkOptions options;
+    options.host = robot.host;
+    options.port = robot.modbus_port;
+    options.unit = settings.modbus.unit;
+    options.word_order = settings.modbus.word_order;
+    return std::make_unique<ModbusLink>(std::move(options));
+  }
+  TcpLinkOptions options;
+  options.host = robot.host;
+  options.port = robot.status_port;
+  options.version = settings.status.version;
+  options.status_body = wire::status_request_body(settings.status.request);
+  return std::make_unique<TcpLink>(std::move(options));
+}
+
+Fleet::~Fleet() {
+  stop();
+  join();
+}
+
+void Fleet::Station::stop() {
+  clock.stop();
+  poller->interrupt();
+}
+
+std::unique_ptr<Fleet::Station> Fleet::make_station(const RobotConfig& robot, RobotId id, std::size_t index,
+                                                    Protocol protocol) {
+  PollerOptions out;
+  out.robot = id;
+  out.session = options_.session;
+  const bool modbus = protocol == Protocol::modbus;
+  out.sources = polled(robot, index, kConnections[modbus ? 1 : 0]);
+  if (out.sources.empty()) {
+    return nullptr;
+  }
+  for (PolledSource& source : out.sources) {
+    const auto earlier = ended_.find({id, source.source});
+    source.first_seq = earlier == ended_.end() ? 0 : earlier->second.planned;
+  }
+  auto station = std::make_unique<Station>();
+  station->protocol = protocol;
+  station->timeout_us = modbus ? robot.settings.modbus.timeout_us : robot.settings.status.timeout_us;
+  out.timeout = std::chrono::milliseconds(station->timeout_us / 1000);
+  out.spacing_us = modbus ? robot.settings.modbus.spacing_us : robot.settings.status.spacing_us;
+  station->poller = std::make_unique<Poller>(std::move(out), options_.make(robot, protocol), station->clock, sink_);
+  return station;
+}
+
+void Fleet::run(Station& station, Micros start_us) {
+  station.poller->run(start_us, options_.end_us);
+  station.ended = true;
+  --running_;
+}
+
+void Fleet::start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us) {
+  auto crew = std::make_unique<Crew>();
+  crew->robot = robot.name;
+  crew->id = id;
+  for (const Connection& connection : kConnections) {
+    if (auto station = make_station(robot, id, index, connection.protocol)) {
+      crew->stations.push_back(std::move(station));
+    }
+  }
+  running_ += crew->stations.size();
+  for (const auto& station : crew->stations) {
+    station->thread = std::thread([this, &station = *station, start_us] { run(station, start_us); });
+  }
+  const std::lock_guard lock(mutex_);
+  crews_.push_back(std::move(crew));
+}
+
+void Fleet::retire(const std::string& robot) {
+  const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->robot == robot; });
+  if (found == crews_.end()) {
+    return;
+  }
+  for (const auto& station : (*found)->stations) {
+    station->stop();
+  }
+  for (const auto& station : (*found)->stations) {
+    station->thread.join();
+  }
+  const std::lock_guard lock(mutex_);
+  for (const auto& station : (*found)->stations) {
+    for (std::size_t lane = 0; lane < station->poller->options().sources.size(); ++lane) {
+      StreamCounts counts = counts_of(**found, *station->poller, lane);
+      counts.period_us = 0;
+      ended_[{counts.id, counts.source}] = std::move(counts);
+    }
+  }
+  crews_.erase(found);
+}
+
+void Fleet::stop() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& crew : crews_) {
+    for (const auto& station : crew->stations) {
+      station->stop();
+    }
+  }
+}
+
+void Fleet::join() {
+  for (const auto& crew : crews_) {
+    for (const auto& station : crew->stations) {
+      if (station->thread.joinable()) {
+        station->thread.join();
+      }
+    }
+  }
+}
+
+/// With what earlier pollers of the stream have counted.
+Fleet::StreamCounts Fleet::counts_of(const Crew& crew, const Poller& poller, std::size_t lane) const {
+  const PolledSource& plan = poller.options().sources[lane];
+  const auto earlier = ended_.find({crew.id, plan.source});
+  StreamCounts out = earlier == ended_.end() ? StreamCounts{} : earlier->second;
+  out.robot = crew.robot;
+  out.id = crew.id;
+  out.source = plan.source;
+  out.period_us = plan.period_us;
+  const SourceCounters& counters = poller.counters(lane);
+  out.planned = counters.planned;  // a number of a poll: of all pollers
+  for (std::size_t cause = 0; cause < kCauseCount; ++cause) {
+    out.missed[cause] += counters.missed[cause];
+  }
+  return out;
+}
+
+std::vector<Fleet::StreamCounts> Fleet::streams() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<StreamCounts> out;
+  for (const auto& crew : crews_) {
+    for (const auto& station : crew->stations) {
+      for (std::size_t lane = 0; lane < station->poller->options().sources.size(); ++lane) {
+        out.push_back(counts_of(*crew, *station->poller, lane));
+      }
+    }
+  }
+  const std::size_t living = out.size();
+  for (const auto& [id, counts] : ended_) {
+    const auto end = out.begin() + static_cast<std::ptrdiff_t>(living);
+    if (std::none_of(out.begin(), end, [&](const auto& s) { return s.id == id.first && s.source == id.second; })) {
+      out.push_back(counts);
+    }
+  }
+  return out;
+}
+
+std::vector<LinkNow> Fleet::links() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<LinkNow> out;
+  for (const auto& crew : crews_) {
+    for (const auto& station : crew->stations) {
+      out.push_back({crew->robot, station->protocol, station->poller->link_up()});
+    }
+  }
+  return out;
+}
+
+std::vector<Beat> Fleet::beats() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<Beat> out;
+  for (const auto& crew : crews_) {
+    for (const auto& station : crew->stations) {
+      const Micros busy_us = station->ended ? 0 : station->clock.busy_us();
+      out.push_back({fmt::format("{}: {}", crew->robot, protocol_name(station->protocol)), busy_us,
+                     station->timeout_us + kPollerMayTake});
+    }
+  }
+  return out;
+}
+
+}  // namespace tacho::recorder

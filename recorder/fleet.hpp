@@ -1,0 +1,97 @@
+#pragma once
+// The robots that are being asked, each with its threads, and what has become of the streams of those that no longer
+// are. Numbers of polls of a stream go on where they were when a robot comes back.
+//
+// Thread rule: start(), retire() and join() from one thread; everything else from any.
+
+#include <array>
+#include <atomic>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "recorder/clock.hpp"
+#include "recorder/config.hpp"
+#include "recorder/health.hpp"
+#include "recorder/poller.hpp"
+#include "recorder/snapshot.hpp"
+
+namespace tacho::recorder {
+
+/// Makes the link of one robot; tests put their own in.
+using LinkFactory = std::function<std::unique_ptr<Link>(const RobotConfig&, Protocol)>;
+std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol);
+
+class Fleet {
+ public:
+  struct Options {
+    LinkFactory make = make_link;
+    SessionId session = 0;
+    Micros end_us = 0;  ///< monotonic; no poll is due later
+  };
+  /// `sink` must outlive it.
+  Fleet(Options options, Sink& sink) : options_(std::move(options)), sink_(sink) {}
+  ~Fleet();  ///< stops and joins
+  Fleet(const Fleet&) = delete;
+  Fleet& operator=(const Fleet&) = delete;
+
+  /// Polls are due from `start_us` (monotonic) on. `index`: place in the configuration; keeps the first polls of robots
+  /// apart.
+  void start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us);
+  /// Ends the polling of one robot; returns when its last row is in the sink.
+  void retire(const std::string& robot);
+  /// Ends all polling; does not wait.
+  void stop();
+  void join();
+
+  /// Threads that still poll.
+  [[nodiscard]] std::size_t running() const { return running_; }
+
+  struct StreamCounts {
+    std::string robot;
+    RobotId id = 0;
+    Source source = Source::status;
+    Micros period_us = 0;  ///< 0: nobody asks any more
+    std::uint64_t planned = 0;
+    std::array<std::uint64_t, kCauseCount> missed{};
+  };
+  /// Robots in the order they were started, then the streams that have ended.
+  [[nodiscard]] std::vector<StreamCounts> streams() const;
+  [[nodiscard]] std::vector<LinkNow> links() const;
+  [[nodiscard]] std::vector<Beat> beats() const;
+
+ private:
+  using StreamId = std::pair<RobotId, Source>;
+  /// One connection: a clock of its own, so that it can be stopped alone.
+  struct Station {
+    Protocol protocol;
+    Micros timeout_us = 0;
+    HostClock clock;
+    std::unique_ptr<Poller> poller;
+    std::thread thread;
+    std::atomic<bool> ended{false};
+    void stop();
+  };
+  struct Crew {
+    std::string robot;
+    RobotId id = 0;
+    std::vector<std::unique_ptr<Station>> stations;
+  };
+  std::unique_ptr<Station> make_station(const RobotConfig& robot, RobotId id, std::size_t index, Protocol protocol);
+  void run(Station& station, Micros start_us);
+  [[nodiscard]] StreamCounts counts_of(const Crew& crew, const Poller& poller, std::size_t lane) const;
+
+  const Options options_;
+  Sink& sink_;
+  std::atomic<std::size_t> running_{0};
+  mutable std::mutex mutex_;  // the two below
+  std::vector<std::unique_ptr<Crew>> crews_;
+  std::map<StreamId, StreamCounts> ended_;  // sums over all pollers a stream has had
+};
+
+}  // namespace tacho::recorder
