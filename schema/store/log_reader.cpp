@@ -11,7 +11,6 @@
 #include "schema/store/order_guard.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/part_reader.hpp"
-#include "schema/store/rollup.hpp"
 #include "schema/store/scavenge.hpp"
 #include "schema/store/schema_sql.hpp"
 #include "schema/store/slicer.hpp"
@@ -521,7 +520,9 @@ std::size_t LogReader::rollup_portions() const { return impl_->parts.size(); }
 std::vector<Rollup> LogReader::rollups(RobotId robot, std::size_t portion) {
   const PartHead& head = impl_->parts[portion];
   try {
-    return read_rollups(head, robot, [&](const std::string& what) { impl_->problem(head.path.string(), what); });
+    std::vector<Rollup> rows;
+    impl_->read_carefully(head, [&](PartReader& part) { rows = part.rollups(robot); });
+    return rows;
   } catch (const SqliteError& error) {
     impl_->problem(head.path.string(), std::string(error.what()) + "; its rollups are left out");
     return {};

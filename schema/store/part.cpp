@@ -111,6 +111,7 @@ fs::path prepare_part(const fs::path& folder, const PartRow& row) {
   write_vocabulary(connection);
   Statement insert(connection, insert_sql("part"));
   insert.run(row.log, row.number, row.software, row.closed, row.counted_to, row.ended_us);
+  seal_vocabulary(connection);
   transaction.commit();
   return prepared;
 }
@@ -125,6 +126,7 @@ fs::path finish_part(const fs::path& prepared, const std::function<void(Connecti
     connection.set_pragma("synchronous", "2");
     Transaction transaction(connection);
     fill(connection);
+    seal_head(connection);
     transaction.commit();
   }
   in_folder(folder, [&] { fs::rename(prepared, path); });
@@ -163,9 +165,9 @@ Connection open_part_for_writing(const fs::path& path, bool durable) {
 
 void reopen_part(Connection& connection) {
   Transaction transaction(connection);
-  break_seal(connection);
   delete_summary(connection);
   connection.exec("UPDATE part SET closed = 0, ended_us = NULL");
+  break_seal(connection);
   transaction.commit();
 }
 

@@ -11,6 +11,7 @@
 #include "schema/store/answer_query.hpp"
 #include "schema/store/column_scan.hpp"
 #include "schema/store/part_head.hpp"
+#include "schema/store/rollup.hpp"
 #include "schema/store/sqlite.hpp"
 
 namespace tacho::store {
@@ -47,6 +48,8 @@ class PartReader {
   std::vector<Event> events(RobotId robot, Window window);
   /// Also points that belong to no robot.
   std::vector<ClockPoint> clock(RobotId robot, Window window);
+  /// By source, minute and field.
+  std::vector<Rollup> rollups(RobotId robot) { return read_rollups(connection_, *head_, robot, report_); }
 
  private:
   const PartHead* head_;

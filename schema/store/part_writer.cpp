@@ -1,6 +1,7 @@
 #include "schema/store/part_writer.hpp"
 
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/seal.hpp"
 
 namespace tacho::store {
 
@@ -22,7 +23,37 @@ PartWriter::PartWriter(const std::filesystem::path& path, bool durable)
       pages_(connection_, "PRAGMA page_count"),
       page_size_(static_cast<std::uint64_t>(connection_.integer("PRAGMA page_size"))) {}
 
+void PartWriter::commit() {
+  if (head_changed_) {
+    seal_head(connection_);
+  }
+  commit_.run();
+  head_changed_ = false;
+}
+
+template <class... Row>
+void PartWriter::write_head_row(Statement& statement, const Row&... row) {
+  head_changed_ = true;
+  write(statement, row...);
+}
+
+void PartWriter::put(const Robot& robot) { write_head_row(robot_, robot); }
+void PartWriter::put(const Session& session) { write_head_row(session_, session); }
+void PartWriter::put(const StreamRow& stream) { write_head_row(stream_, stream); }
+void PartWriter::put(const StreamKey& key, const StreamCount& count) { write_head_row(coverage_, key, count); }
+
+void PartWriter::put(const UnknownKey& key) {
+  head_changed_ = true;
+  unknown_key_.run(key.robot, source_name(key.source), key.key, key.first_us);
+}
+
+void PartWriter::set_counted_to(std::int64_t id) {
+  head_changed_ = true;
+  counted_to_.run(id);
+}
+
 void PartWriter::rollback() noexcept {
+  head_changed_ = false;
   try {
     if (in_transaction()) {
       connection_.exec("ROLLBACK");
@@ -30,10 +61,6 @@ void PartWriter::rollback() noexcept {
   } catch (const SqliteError&) {
     // SQLite has rolled back by itself, which is what was asked for.
   }
-}
-
-void PartWriter::put(const UnknownKey& key) {
-  unknown_key_.run(key.robot, source_name(key.source), key.key, key.first_us);
 }
 
 Micros PartWriter::last_gap_end(RobotId robot, Source source, SessionId session) {

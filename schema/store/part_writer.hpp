@@ -18,22 +18,24 @@ class PartWriter {
   PartWriter& operator=(const PartWriter&) = delete;
 
   void begin() { begin_.run(); }
-  void commit() { commit_.run(); }
+  /// Renews the seal where a small table has changed.
+  void commit();
   /// Never throws; without a transaction it does nothing.
   void rollback() noexcept;
   [[nodiscard]] bool in_transaction() const { return connection_.in_transaction(); }
 
-  void put(const Robot& robot) { write(robot_, robot); }
-  void put(const Session& session) { write(session_, session); }
-  void put(const StreamRow& stream) { write(stream_, stream); }
   void put(const HotRow& row) { write(hot_, row); }
   void put(const BlockRow& row) { write(block_, row); }
   void put(const Gap& gap) { write(gap_, gap); }
   void put(const Event& event) { write(event_, event); }
   void put(const ClockPoint& point) { write(clock_, point); }
-  void put(const StreamKey& key, const StreamCount& count) { write(coverage_, key, count); }
+  // Small tables.
+  void put(const Robot& robot);
+  void put(const Session& session);
+  void put(const StreamRow& stream);
+  void put(const StreamKey& key, const StreamCount& count);
   void put(const UnknownKey& key);
-  void set_counted_to(std::int64_t id) { counted_to_.run(id); }
+  void set_counted_to(std::int64_t id);
   /// The end of the latest gap of a stream in sessions before `session`; 0 when there is none in this part.
   Micros last_gap_end(RobotId robot, Source source, SessionId session);
 
@@ -62,6 +64,10 @@ class PartWriter {
   Statement counted_to_;
   Statement pages_;
   std::uint64_t page_size_;
+  bool head_changed_ = false;  ///< in the open transaction
+
+  template <class... Row>
+  void write_head_row(Statement& statement, const Row&... row);
 };
 
 }  // namespace tacho::store

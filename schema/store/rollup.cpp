@@ -127,12 +127,11 @@ void Rollups::write(Connection& connection) const {
   }
 }
 
-std::vector<Rollup> read_rollups(const PartHead& head, RobotId robot,
+std::vector<Rollup> read_rollups(Connection& connection, const PartHead& head, RobotId robot,
                                  const std::function<void(const std::string&)>& report) {
   std::vector<Rollup> rows;
   std::int64_t met = 0;
   std::int64_t bad = 0;
-  Connection connection = open_part_for_reading(head.path);
   try {
     // All robots are read: that is how a row that is gone is noticed.
     Statement row(connection, select_sql("rollup"));

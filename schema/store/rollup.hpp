@@ -59,7 +59,7 @@ class RollupMaker {
 FieldSet rollup_fields(Connection& connection, const Stream& stream);
 
 /// All of a robot in a part, by source, minute and field. `report` is told of damage, in words. Throws SqliteError.
-std::vector<Rollup> read_rollups(const PartHead& head, RobotId robot,
+std::vector<Rollup> read_rollups(Connection& connection, const PartHead& head, RobotId robot,
                                  const std::function<void(const std::string&)>& report);
 
 }  // namespace tacho::store

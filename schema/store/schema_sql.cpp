@@ -36,7 +36,7 @@ constexpr auto kTables = std::to_array<Table>({
   {"code",        "numbers and their names: code lists of fields, and the lists of this schema", "PRIMARY KEY (list, value)", "STRICT, WITHOUT ROWID"},
   {"coverage",    "what this part holds of each stream, counted up to part.counted_to", "PRIMARY KEY (session, robot, source)", "STRICT, WITHOUT ROWID"},
   {"unknown_key", "keys of answers that no field names", "PRIMARY KEY (robot, source, key)", "STRICT, WITHOUT ROWID"},
-  {"seal",        "what a closed part had in its small tables; empty while the part is written", "", "STRICT, WITHOUT ROWID"},
+  {"seal",        "what the small tables have; of a closed part also how many other rows", "", "STRICT, WITHOUT ROWID"},
   {"hot",         "stored answers in order of arrival: those of one stream between two commits", "", "STRICT"},
   {"block",       "stored answers of one stream that were moved out of hot", "", "STRICT"},
   {"gap",         "planned polls without an answer", "", "STRICT"},

@@ -78,34 +78,59 @@ std::string compare(Connection& connection, std::string_view table, const std::s
 
 }  // namespace
 
+void seal_vocabulary(Connection& connection) {
+  Statement insert(connection, insert_sql("seal", "OR REPLACE"));
+  for (const HeadTable& table : kHeadTables) {
+    if (!table.needed.empty()) {
+      const Sum all = sum_of(connection, select_sql(table.name));
+      const Sum needed = sum_of(connection, select_needed(table));
+      insert.run(table.name, all.rows, all.crc);
+      insert.run(table.needed_seal, needed.rows, needed.crc);
+    }
+  }
+}
+
+void seal_head(Connection& connection) {
+  if (!can_be_sealed(connection)) {
+    return;
+  }
+  Statement insert(connection, insert_sql("seal", "OR REPLACE"));
+  for (const HeadTable& table : kHeadTables) {
+    if (table.needed.empty()) {
+      const Sum sum = sum_of(connection, select_sql(table.name));
+      insert.run(table.name, sum.rows, sum.crc);
+    }
+  }
+}
+
 SealedRows write_seal(Connection& connection) {
   SealedRows rows;
   if (!can_be_sealed(connection)) {
     return rows;
   }
-  Statement insert(connection, insert_sql("seal", "OR REPLACE"));
-  const auto seal = [&](std::string_view name, std::int64_t count, std::optional<std::int64_t> crc) {
-    insert.run(name, count, crc);
-    rows.emplace(name, count);
-  };
-  for (const HeadTable& table : kHeadTables) {
-    const Sum sum = sum_of(connection, select_sql(table.name));
-    seal(table.name, sum.rows, sum.crc);
-    if (!table.needed.empty()) {
-      const Sum needed = sum_of(connection, select_needed(table));
-      seal(table.needed_seal, needed.rows, needed.crc);
+  seal_head(connection);
+  {
+    Statement insert(connection, insert_sql("seal", "OR REPLACE"));
+    for (const std::string_view table : kRecordTables) {
+      insert.run(table, connection.integer(fmt::format("SELECT count(*) FROM {}", table)), std::nullopt);
     }
   }
-  for (const std::string_view table : kRecordTables) {
-    seal(table, connection.integer(fmt::format("SELECT count(*) FROM {}", table)), std::nullopt);
+  Statement row(connection, select_sql("seal"));
+  while (row.step()) {
+    rows[row.text(0)] = row.integer(1);
   }
   return rows;
 }
 
 void break_seal(Connection& connection) {
-  if (can_be_sealed(connection)) {
-    connection.exec("DELETE FROM seal");
+  if (!can_be_sealed(connection)) {
+    return;
   }
+  Statement drop(connection, "DELETE FROM seal WHERE name = ?1");
+  for (const std::string_view table : kRecordTables) {
+    drop.run(table);
+  }
+  seal_head(connection);
 }
 
 Seal check_seal(Connection& connection, bool closed, bool whole) {
@@ -139,7 +164,7 @@ Seal check_seal(Connection& connection, bool closed, bool whole) {
     }
   }
   for (const std::string_view table : kRecordTables) {
-    if (sealed.find(table) == sealed.end()) {
+    if (closed && sealed.find(table) == sealed.end()) {
       seal.damage.push_back(fmt::format("the seal of table {} is missing", table));
       seal.damaged.emplace(table);
     }

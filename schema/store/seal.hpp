@@ -1,6 +1,6 @@
 #pragma once
-// The seal of a closed part: how many rows each small table has, and a checksum over those tables whose rows have none.
-// A part that is written on has no seal.
+// The seal of a part: how many rows each small table has, and a checksum over those tables whose rows have none. It is
+// renewed with every transaction that changes one of them. A closed part also has the numbers of its other rows in it.
 
 #include <cstdint>
 #include <map>
@@ -13,12 +13,18 @@
 
 namespace tacho::store {
 
-/// Table name -> rows. Empty when the part is not sealed.
+/// Table name -> rows, as sealed. Those of gap, event, clock and rollup only of a closed part.
 using SealedRows = std::map<std::string, std::int64_t, std::less<>>;
 
-/// Seals what is in the tables now, and returns the rows of the seal. The transaction belongs to the caller.
+// Transactions belong to the caller.
+
+/// Of a new part: the tables that never change.
+void seal_vocabulary(Connection& connection);
+/// After one of the other small tables has changed.
+void seal_head(Connection& connection);
+/// When the part is closed. Returns the whole seal.
 SealedRows write_seal(Connection& connection);
-/// To be called before a sealed part is written again, in the same transaction at the latest.
+/// When a closed part is written again, after that is on record in `part`.
 void break_seal(Connection& connection);
 
 struct Seal {

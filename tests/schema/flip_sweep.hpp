@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
@@ -19,6 +20,7 @@
 
 #include "schema/log.hpp"
 #include "schema/store/part.hpp"
+#include "schema/store/seal.hpp"
 #include "tests/schema/store_workload.hpp"
 
 namespace tacho::test {
@@ -128,6 +130,10 @@ inline Sweep sweep(const std::filesystem::path& part, const std::vector<std::uin
         shared[child].at = offsets[i];
         const Consequence found = detail::look_once(own / part.filename(), offsets[i], look);
         ++shared[child].flips;
+        if (every_byte() && child == 0 && shared[child].flips % 1000 == 0) {
+          std::fprintf(stderr, "byte %llu of %llu\n", static_cast<unsigned long long>(offsets[i]),
+                       static_cast<unsigned long long>(offsets.back()));
+        }
         shared[child].named += found.named ? 1 : 0;
         if (!found.fault.empty()) {
           shared[child].tell("byte " + std::to_string(offsets[i]) + ": " + found.fault);
@@ -206,13 +212,42 @@ inline void record(Workload& work, int polls) {
   }
 }
 
-/// Most of a small part are words that explain fields and codes. Without them there is less to turn; their tables stay.
+/// The text of a CREATE TABLE without its comments.
+inline std::string without_comments(const std::string& sql) {
+  std::string out;
+  for (std::size_t at = 0; at < sql.size();) {
+    const std::size_t end = std::min(sql.find('\n', at), sql.size());
+    std::string line = sql.substr(at, end - at);
+    line.resize(std::min(line.find(" --"), line.size()));
+    line.resize(line.find_last_not_of(' ') + 1);
+    out += line + ' ';
+    at = end + 1;
+  }
+  return out;
+}
+
+/// Most of a small part are words that explain tables, fields and codes. Without them there is less to turn; the tables
+/// and their interior pages stay.
 inline void cut_words(const std::filesystem::path& part) {
   store::Connection connection(part, store::OpenMode::write);
+  {
+    std::map<std::string, std::string> tables;
+    store::Statement row(connection, "SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL");
+    while (row.step()) {
+      tables[row.text(0)] = without_comments(row.text(1));
+    }
+    connection.exec("PRAGMA writable_schema = ON");
+    store::Statement update(connection, "UPDATE sqlite_schema SET sql = ?2 WHERE name = ?1");
+    for (const auto& [name, sql] : tables) {
+      update.run(name, sql);
+    }
+    connection.exec("PRAGMA writable_schema = RESET");
+  }
   connection.exec(
       "UPDATE field SET kind = '', unit = '', json_key = '', former_key = '', register_type = '', condition = '', "
       "code_list = '', sentinel = '', meaning = '';"
       "DELETE FROM code WHERE list <> 'source'; VACUUM");
+  store::seal_vocabulary(connection);
   REQUIRE(store::close_part(connection, kT0));
 }
 
