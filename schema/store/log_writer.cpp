@@ -417,7 +417,10 @@ void LogWriter::Impl::declare(const Stream& declared) {
   if (last == earlier.end()) {
     return;
   }
-  Gap gap{declared.robot, declared.source, session->id};
+  Gap gap;
+  gap.robot = declared.robot;
+  gap.source = declared.source;
+  gap.session = session->id;
   gap.t_from_us = std::max(last->second.t_us, part().last_gap_end(gap.robot, gap.source, session->id));
   gap.t_to_us = std::max(gap.t_from_us, session->t_start_us);
   gap.cause = Cause::recorder_off;
@@ -474,7 +477,6 @@ SessionId LogWriter::begin_session(const Session& session) {
 }
 
 void LogWriter::end_session(Micros t_end_us, bool clean) { impl_->end_session(t_end_us, clean); }
-
 RobotId LogWriter::robot(const std::string& name, const std::string& address) {
   const RobotId id = impl_->id_of(name);
   Robot& robot = impl_->robots[id];
@@ -579,9 +581,7 @@ void LogWriter::add(const ClockPoint& point) {
 }
 
 void LogWriter::commit() { impl_->commit(); }
-
 const LogWriter::Stats& LogWriter::stats() const { return impl_->stats; }
-
 Forecast LogWriter::forecast() const { return impl_->keeper.forecast(impl_->parts.folder()); }
 
 LogWriter::Tally LogWriter::tally(RobotId robot, Source source) const {

@@ -22,7 +22,6 @@ namespace fs = std::filesystem;
 constexpr std::string_view kMagic = "TACHSUM1";  // the digit counts changes of what follows
 /// `summary` is the first table that is created, and its one row needs no more than a leaf and overflow pages.
 constexpr std::uint32_t kRootPage = 2;
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28U;
 
 // What a summary holds, in both directions: `to` is a Packer or an Unpacker.
 
@@ -113,7 +112,8 @@ class Packer {
   }
   template <class A, class B>
   void put(std::pair<A, B>& both) {
-    put(const_cast<std::remove_const_t<A>&>(both.first));  // keys of maps
+    std::remove_const_t<A> first = both.first;  // a key
+    put(first);
     put(both.second);
   }
   template <class Value>
@@ -208,7 +208,7 @@ std::optional<PartHead> unpacked(std::string_view bytes) {
 }
 
 /// What the one cell of the leaf at kRootPage holds: a record that ends with the summary.
-std::string record_of(const Connection& connection, std::uint32_t page_bytes) {
+std::string record_of(const Connection& connection, std::uint32_t page_bytes, std::uint64_t file_bytes) {
   const std::string page =
       connection.file_bytes(std::uint64_t{kRootPage - 1} * page_bytes, static_cast<int>(page_bytes));
   if (page.empty() || byte_at(page, 0) != kTableLeaf || big_endian(page, 3, 2) != 1) {
@@ -217,7 +217,7 @@ std::string record_of(const Connection& connection, std::uint32_t page_bytes) {
   auto at = static_cast<std::size_t>(big_endian(page, kLeafHeader, 2));
   std::uint64_t total = 0;
   std::uint64_t rowid = 0;
-  if (!take_varint(page, at, total) || !take_varint(page, at, rowid) || total > kMostBytes) {
+  if (!take_varint(page, at, total) || !take_varint(page, at, rowid) || total > file_bytes) {
     return "";
   }
   const std::size_t local = local_bytes(total, page_bytes, true);
@@ -283,7 +283,7 @@ std::optional<PartHead> read_summary(const fs::path& path) {
     const Connection connection(path, OpenMode::read);
     std::uint64_t file_bytes = 0;
     const std::uint32_t page_bytes = settled_page_bytes(connection, file_bytes);
-    const std::string record = page_bytes < 512 ? "" : record_of(connection, page_bytes);
+    const std::string record = page_bytes < 512 ? "" : record_of(connection, page_bytes, file_bytes);
     const std::size_t begin = record.find(kMagic);
     std::optional<PartHead> head =
         begin == std::string::npos ? std::nullopt : unpacked(std::string_view(record).substr(begin));
