@@ -17,21 +17,25 @@ BatchBuilder::BatchBuilder(Source source, const FieldSet& fields) : fields_(fiel
     alarms_ = alarms_ || (fields_[i] && kFields[i].kind == Kind::alarms);
     points_ = points_ || (fields_[i] && kFields[i].kind == Kind::points);
   }
-  start();
+  start(batch_);
 }
 
-void BatchBuilder::start() {
+void BatchBuilder::start(Batch& batch) const {
   for (std::size_t i = 0; i < kFieldCount; ++i) {
     if (fields_[i]) {
-      batch_.columns.push_back({static_cast<FieldIndex>(i), {}, {}, {}});
+      batch.columns.push_back({static_cast<FieldIndex>(i), {}, {}, {}});
     }
   }
-  if (alarms_) {
-    batch_.alarm_begin.push_back(0);
-  }
-  if (points_) {
-    batch_.point_begin.push_back(0);
-  }
+  clear_lists(batch);
+}
+
+void BatchBuilder::clear_lists(Batch& batch) const {
+  batch.alarms.clear();
+  batch.alarm_begin.assign(alarms_ ? 1 : 0, 0);
+  batch.alarms_incomplete.clear();
+  batch.points.clear();
+  batch.point_begin.assign(points_ ? 1 : 0, 0);
+  batch.texts.clear();
 }
 
 void BatchBuilder::append(const Sample& sample) {
@@ -119,8 +123,19 @@ void BatchBuilder::append(const Batch& from, std::size_t begin, std::size_t end)
 Batch BatchBuilder::take() {
   Batch full = std::exchange(batch_, Batch{});
   batch_.source = full.source;
-  start();
+  start(batch_);
   return full;
+}
+
+Batch BatchBuilder::blank(Batch&& used) const {
+  Batch batch = std::exchange(used, Batch{});
+  batch.source = batch_.source;
+  if (batch.columns.empty()) {
+    start(batch);
+  } else {
+    clear_lists(batch);
+  }
+  return batch;
 }
 
 void BatchBuilder::reuse(Batch&& batch) {
@@ -134,12 +149,7 @@ void BatchBuilder::reuse(Batch&& batch) {
     column.real.clear();
     column.integer.clear();
   }
-  batch_.alarms.clear();
-  batch_.alarm_begin.assign(alarms_ ? 1 : 0, 0);
-  batch_.alarms_incomplete.clear();
-  batch_.points.clear();
-  batch_.point_begin.assign(points_ ? 1 : 0, 0);
-  batch_.texts.clear();
+  clear_lists(batch_);
 }
 
 }  // namespace tacho

@@ -16,13 +16,18 @@ class BatchBuilder {
   Batch take();
   /// The memory of a batch that take() gave serves the next one. Only while this one is empty.
   void reuse(Batch&& batch);
+  /// A batch with the same columns for somebody who fills all of them at once. `used`: an earlier one of the same
+  /// columns, or an empty one; its times and columns stay as they are, because emptying them takes time. Lists and
+  /// texts are empty.
+  Batch blank(Batch&& used) const;
 
  private:
   Batch batch_;
   FieldSet fields_;
   bool alarms_ = false;
   bool points_ = false;
-  void start();
+  void start(Batch& batch) const;
+  void clear_lists(Batch& batch) const;
   template <class MoveText>
   void append_lists(std::span<const AlarmItem> alarms, LevelSet incomplete, std::span<const IoPoint> points,
                     MoveText move_text);

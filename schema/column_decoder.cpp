@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "schema/column_cells.hpp"
 #include "schema/store/block/image_text.hpp"
 #include "schema/wire/registers.hpp"
 #include "schema/wire/status_json.hpp"
@@ -23,21 +24,6 @@ using store::ColumnValues;
 using store::ValueKind;
 using store::Want;
 
-constexpr std::size_t kValueKinds = 8;
-using StateOf = std::array<State, kValueKinds>;
-
-/// State of a value before marks and conditions: `good` kinds are present.
-constexpr StateOf states(std::initializer_list<ValueKind> good) {
-  StateOf table{};
-  table.fill(State::wrong_type);
-  table[static_cast<std::size_t>(ValueKind::absent)] = State::absent;
-  table[static_cast<std::size_t>(ValueKind::null)] = State::null;
-  for (const ValueKind kind : good) {
-    table[static_cast<std::size_t>(kind)] = State::present;
-  }
-  return table;
-}
-
 constexpr StateOf kReal = states({ValueKind::number, ValueKind::whole});
 constexpr StateOf kWhole = states({ValueKind::whole});
 constexpr StateOf kFlag = states({ValueKind::flag, ValueKind::whole});
@@ -47,94 +33,6 @@ constexpr StateOf kStructured = states({ValueKind::array, ValueKind::object});
 
 bool is_list(Kind kind) { return kind == Kind::alarms || kind == Kind::points; }
 bool has_text(Kind kind) { return kind == Kind::text || kind == Kind::list || kind == Kind::structured; }
-
-/// All rows alike: nearly every column of nearly every block.
-template <class T>
-bool uniform(const std::vector<T>& values) {
-  return std::all_of(values.begin(), values.end(), [first = values.front()](T value) { return value == first; });
-}
-
-void set_states(const StateOf& table, const std::vector<ValueKind>& kinds, std::vector<State>& out) {
-  if (uniform(kinds)) {
-    out.assign(kinds.size(), table[static_cast<std::size_t>(kinds.front())]);
-    return;
-  }
-  out.resize(kinds.size());
-  for (std::size_t i = 0; i < kinds.size(); ++i) {
-    out[i] = table[static_cast<std::size_t>(kinds[i])];
-  }
-}
-
-bool any_absent(const std::vector<ValueKind>& kinds) {
-  return std::find(kinds.begin(), kinds.end(), ValueKind::absent) != kinds.end();
-}
-
-/// Takes the rows of `other` where `values` has none.
-void fill_absent(const ColumnValues& other, ColumnValues& values) {
-  const auto take = [&](auto& to, const auto& from, std::size_t row) {
-    if (!to.empty()) {
-      to[row] = from[row];
-    }
-  };
-  for (std::size_t row = 0; row < values.kind.size(); ++row) {
-    if (values.kind[row] == ValueKind::absent) {
-      values.kind[row] = other.kind[row];
-      take(values.real, other.real, row);
-      take(values.integer, other.integer, row);
-      take(values.text, other.text, row);
-    }
-  }
-}
-
-/// Values of a real field as the robot sent them -> column.
-void put_reals(const Field& field, double scale, std::vector<double>& values, Column& out) {
-  if (field.sentinel != Sentinel::none) {
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (out.state[i] == State::present && wire::is_sentinel(field.sentinel, values[i])) {
-        out.state[i] = State::not_supplied;
-      }
-    }
-  }
-  std::swap(out.real, values);
-  for (double& value : out.real) {
-    value = wire::without_minus_zero(field.sentinel, value * scale);
-  }
-}
-
-void put_integers(const Field& field, std::vector<std::int64_t>& values, Column& out) {
-  if (field.sentinel != Sentinel::none) {
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (out.state[i] == State::present && wire::is_sentinel(field.sentinel, static_cast<double>(values[i]))) {
-        out.state[i] = State::not_supplied;
-      }
-    }
-  }
-  std::swap(out.integer, values);
-}
-
-/// Rows without a value hold zeros, as cells do.
-void clear_missing(Column& column) {
-  if (uniform(column.state) && column.state.front() == State::present) {
-    return;
-  }
-  for (std::size_t i = 0; i < column.state.size(); ++i) {
-    if (column.state[i] == State::absent || column.state[i] == State::null || column.state[i] == State::wrong_type) {
-      if (!column.real.empty()) {
-        column.real[i] = 0.0;
-      }
-      if (!column.integer.empty()) {
-        column.integer[i] = 0;
-      }
-    }
-  }
-}
-
-void fill_absent_column(std::size_t rows, Column& out) {
-  const bool real = kFields[out.field].kind == Kind::real;
-  out.state.assign(rows, State::absent);
-  out.real.assign(real ? rows : 0, 0.0);
-  out.integer.assign(real ? 0 : rows, 0);
-}
 
 bool given(State state) { return state == State::present || state == State::not_supplied; }
 
@@ -152,7 +50,10 @@ const std::vector<FieldIndex>& list_fields(bool points) {
 
 struct ColumnDecoder::Impl {
   wire::JsonDecoder json;
-  ColumnValues values;
+  // Each kind has its own, or vectors would be emptied and filled again from column to column.
+  ColumnValues reals;
+  ColumnValues integers;
+  ColumnValues texts;
   ColumnValues other;
   TextPool scratch;  ///< texts that nobody keeps
   // Of the block that is being decoded:
@@ -170,11 +71,11 @@ struct ColumnDecoder::Impl {
   // --- answers in JSON
 
   /// A field in its present or former spelling.
-  bool read_field(const Field& field, Want want, TextPool& pool) {
+  bool read_field(const Field& field, Want want, TextPool& pool, ColumnValues& values) {
     if (!read(field.json.key, want, pool, values)) {
       return false;
     }
-    if (!field.json.former_key.empty() && any_absent(values.kind)) {
+    if (!field.json.former_key.empty() && any_absent(values)) {
       if (!read(field.json.former_key, want, pool, other)) {
         return false;
       }
@@ -211,36 +112,38 @@ struct ColumnDecoder::Impl {
       fill_absent_column(block->head().rows, column);
       return true;
     }
-    const Want want{field.kind == Kind::real, field.kind != Kind::real && !has_text(field.kind), has_text(field.kind)};
-    if (!read_field(field, want, out->texts)) {
+    const bool real = field.kind == Kind::real;
+    const bool text = has_text(field.kind);
+    ColumnValues& values = real ? reals : text ? texts : integers;
+    if (!read_field(field, {real, !real && !text, text}, out->texts, values)) {
       return false;
     }
+    bool complete = false;
     switch (field.kind) {
       case Kind::real:
-        set_states(kReal, values.kind, column.state);
+        complete = set_states(kReal, values, column.state);
         put_reals(field, field.json.scale, values.real, column);
         break;
       case Kind::integer:
       case Kind::code:
-        set_states(kWhole, values.kind, column.state);
+        complete = set_states(kWhole, values, column.state);
         put_integers(field, values.integer, column);
         break;
       case Kind::flag:
-        set_states(kFlag, values.kind, column.state);
-        for (std::size_t i = 0; i < column.state.size(); ++i) {
-          if (column.state[i] == State::present && (values.integer[i] | 1) != 1) {
-            column.state[i] = State::wrong_type;
-          }
-        }
+        complete = set_states(kFlag, values, column.state);
+        complete = !refuse_odd_flags(values.integer, column.state) && complete;
         std::swap(column.integer, values.integer);
         break;
       default:
-        set_states(field.kind == Kind::text   ? kText
-                   : field.kind == Kind::list ? kList
-                                              : kStructured,
-                   values.kind, column.state);
+        complete = set_states(field.kind == Kind::text   ? kText
+                              : field.kind == Kind::list ? kList
+                                                         : kStructured,
+                              values, column.state);
         column.integer.assign(values.text.begin(), values.text.end());
         break;
+    }
+    if (complete) {
+      return true;
     }
     clear_missing(column);
     return explain_absent(field, column);
@@ -317,10 +220,9 @@ struct ColumnDecoder::Impl {
     const std::vector<FieldIndex>& fields = list_fields(points);
     std::vector<ColumnValues> read_values;
     for (const FieldIndex f : fields) {
-      if (!read_field(kFields[f], {false, false, true}, scratch)) {
+      if (!read_field(kFields[f], {false, false, true}, scratch, read_values.emplace_back())) {
         return false;
       }
-      read_values.push_back(std::exchange(values, {}));
     }
     std::map<std::vector<std::uint64_t>, std::size_t> known;
     std::vector<Sample> samples;
@@ -423,33 +325,44 @@ struct ColumnDecoder::Impl {
     const Field& field = kFields[column.field];
     const bool pair = field.reg.words() == 2;
     const WordOrder taken = block->head().order;
-    const bool as_reals = field.reg.type == RegisterType::f32 && taken == order;
+    const bool as_reals = gives_numbers(field.reg.type, taken == order);
+    ColumnValues& values = as_reals ? reals : integers;
     if (!read(store::register_path(field.reg.address, pair), {as_reals, !as_reals, false}, scratch, values)) {
       return false;
     }
     constexpr StateOf kNumber = states({ValueKind::number, ValueKind::whole});
-    set_states(kNumber, values.kind, column.state);
+    bool complete = set_states(kNumber, values, column.state);
+    std::vector<double>& numbers = reals.real;
     if (!as_reals) {
-      values.real.resize(values.integer.size());
-      std::transform(values.integer.begin(), values.integer.end(), values.real.begin(),
+      numbers.resize(values.integer.size());
+      std::transform(values.integer.begin(), values.integer.end(), numbers.begin(),
                      [&](std::int64_t bits) { return number(field.reg.type, bits, taken, order); });
     }
-    if (!std::all_of(values.real.begin(), values.real.end(), [](double value) { return std::isfinite(value); })) {
-      for (std::size_t i = 0; i < values.real.size(); ++i) {
-        column.state[i] = std::isfinite(values.real[i]) ? column.state[i] : State::wrong_type;
+    if (!all_finite(numbers)) {
+      complete = false;
+      for (std::size_t i = 0; i < numbers.size(); ++i) {
+        column.state[i] = std::isfinite(numbers[i]) ? column.state[i] : State::wrong_type;
       }
     }
     if (field.kind == Kind::real) {
-      put_reals(field, field.reg.scale, values.real, column);
+      put_reals(field, field.reg.scale, numbers, column);
     } else {
-      values.integer.resize(values.kind.size());
-      for (std::size_t i = 0; i < values.kind.size(); ++i) {
-        values.integer[i] = column.state[i] == State::present ? static_cast<std::int64_t>(values.real[i]) : 0;
+      integers.integer.resize(numbers.size());
+      for (std::size_t i = 0; i < numbers.size(); ++i) {
+        integers.integer[i] = column.state[i] == State::present ? static_cast<std::int64_t>(numbers[i]) : 0;
       }
-      put_integers(field, values.integer, column);
+      put_integers(field, integers.integer, column);
     }
-    clear_missing(column);
+    if (!complete) {
+      clear_missing(column);
+    }
     return true;
+  }
+
+  /// The numbers of a block are those of the register, because the block knows its type and took its words in the right
+  /// order.
+  static bool gives_numbers(RegisterType type, bool same_order) {
+    return type == RegisterType::u16 || (same_order && (type == RegisterType::f32 || type == RegisterType::i32));
   }
 
   /// `bits` as the block gives them, which took pairs of words in the order `taken`.
@@ -498,7 +411,7 @@ struct ColumnDecoder::Impl {
 
   bool decode_inputs() {
     no_lists();
-    std::string loaded;  // path that `values` holds
+    std::string loaded;  // path that `integers` holds
     for (Column& column : out->columns) {
       const Field& field = kFields[column.field];
       fill_absent_column(block->head().rows, column);
@@ -510,14 +423,14 @@ struct ColumnDecoder::Impl {
         if (address < leaf.first || address > leaf.last) {
           continue;
         }
-        if (leaf.path != loaded && !read(leaf.path, {false, true, false}, scratch, values)) {
+        if (leaf.path != loaded && !read(leaf.path, {false, true, false}, scratch, integers)) {
           return true;
         }
         loaded = leaf.path;
-        for (std::size_t i = 0; i < values.kind.size(); ++i) {
-          if (values.kind[i] != ValueKind::absent) {
+        for (std::size_t i = 0; i < integers.kind.size(); ++i) {
+          if (integers.kind[i] != ValueKind::absent) {
             column.state[i] = State::present;
-            column.integer[i] = values.integer[i] >> (address - leaf.first) & 1;
+            column.integer[i] = integers.integer[i] >> (address - leaf.first) & 1;
           }
         }
       }

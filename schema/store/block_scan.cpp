@@ -52,18 +52,43 @@ std::array<BlockPlaces, kSourceCount> block_places(const BlockList& list, const 
   return places;
 }
 
+bool StoredBlock::seek(std::int64_t id) {
+  known_ = 0;
+  if (!data_.seek(id)) {
+    return false;
+  }
+  if (tools_->room < data_.size()) {
+    tools_->room = data_.size();
+    tools_->bytes = std::make_unique_for_overwrite<char[]>(tools_->room);  // memory that is not touched costs nothing
+  }
+  return true;
+}
+
+std::string_view StoredBlock::at(std::size_t offset, std::size_t length) {
+  constexpr std::size_t kFirst = 8192;  // head, directory, shapes and row columns of most blocks
+  offset = std::min(offset, data_.size());
+  length = std::min(length, data_.size() - offset);
+  if (known_ == 0) {
+    known_ = std::min(kFirst, data_.size());
+    data_.read(0, {tools_->bytes.get(), known_});
+  }
+  if (offset + length > known_) {
+    data_.read(offset, {tools_->bytes.get() + offset, length});
+  }
+  return {tools_->bytes.get() + offset, length};
+}
+
 void BlockFetch::with(const BlockRow& place, Source source, const Report& report,
                       const std::function<std::string(BlockDecoder&)>& use) {
   std::string damage;
   try {
-    fetch_.query(place.id);
-    damage = fetch_.step() ? decoder_.open(fetch_.bytes(0)) : "it is gone";
-    const BlockHead& head = decoder_.head();
+    damage = bytes_.seek(place.id) ? decoder_->open(bytes_) : "it is gone";
+    const BlockHead& head = decoder_->head();
     if (damage.empty() && (head.robot != place.robot || head.source != source || head.session != place.session)) {
       damage = "it belongs to another stream";
     }
     if (damage.empty()) {
-      damage = use(decoder_);
+      damage = use(*decoder_);
     }
   } catch (const SqliteError& error) {
     if (!error.damaged()) {
@@ -71,7 +96,6 @@ void BlockFetch::with(const BlockRow& place, Source source, const Report& report
     }
     damage = error.what();
   }
-  fetch_.reset();
   if (!damage.empty()) {
     report(fmt::format("block {} (robot {}, {}, session {}, polls {} to {}): {}", place.id, place.robot,
                        source_name(source), place.session, place.seq_from, place.seq_to, damage));
@@ -80,7 +104,7 @@ void BlockFetch::with(const BlockRow& place, Source source, const Report& report
 
 BlockScan::BlockScan(Connection& connection, const BlockList& list, const PartHead& head, const AnswerQuery& query,
                      StreamCounts& met, const Report& report)
-    : head_(&head), query_(&query), report_(&report), fetch_(connection) {
+    : head_(&head), query_(&query), report_(&report), fetch_(connection, tools_) {
   auto places = block_places(list, head, query, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (!places[s].empty()) {

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schema/store/answer_query.hpp"
@@ -30,17 +32,42 @@ using BlockPlaces = std::deque<BlockRow>;
 std::array<BlockPlaces, kSourceCount> block_places(const BlockList& list, const PartHead& head,
                                                    const AnswerQuery& query, StreamCounts& met, const Report& report);
 
+/// What opening blocks needs. Best kept from part to part and from reading to reading: the decoder remembers shapes.
+struct BlockTools {
+  BlockDecoder decoder;
+  std::unique_ptr<char[]> bytes;  ///< of StoredBlock
+  std::size_t room = 0;           ///< in `bytes`
+};
+
+/// The bytes of one block after the other, read from the file as they are asked for: nobody needs all columns of a
+/// block, and copying a block takes as long as decoding six of them.
+class StoredBlock final : public BlockBytes {
+ public:
+  /// The tools must outlive this.
+  StoredBlock(Connection& connection, BlockTools& tools) : data_(connection, "block", "data"), tools_(&tools) {}
+  /// Goes to a block. What at() gave before is gone. False: it is not there.
+  [[nodiscard]] bool seek(std::int64_t id);
+  [[nodiscard]] std::size_t size() const override { return data_.size(); }
+  [[nodiscard]] std::string_view at(std::size_t offset, std::size_t length) override;
+
+ private:
+  BlobColumn data_;
+  BlockTools* tools_;      ///< whose bytes are those of the block, each at its place; only what was asked for is there
+  std::size_t known_ = 0;  ///< all before are there
+};
+
 /// Reads blocks from the file.
 class BlockFetch {
  public:
-  explicit BlockFetch(Connection& connection) : fetch_(connection, "SELECT data FROM block WHERE id = ?1") {}
+  /// The tools must outlive this.
+  BlockFetch(Connection& connection, BlockTools& tools) : bytes_(connection, tools), decoder_(&tools.decoder) {}
   /// Opens the block and hands it to `use`, which returns damage. Reports what is wrong, in words.
   void with(const BlockRow& place, Source source, const Report& report,
             const std::function<std::string(BlockDecoder&)>& use);
 
  private:
-  Statement fetch_;
-  BlockDecoder decoder_;
+  StoredBlock bytes_;
+  BlockDecoder* decoder_;
 };
 
 /// Blocks of a part: where they are, and their answers in order of arrival.
@@ -67,6 +94,7 @@ class BlockScan {
   const PartHead* head_;
   const AnswerQuery* query_;
   const Report* report_;
+  BlockTools tools_;
   BlockFetch fetch_;
   std::vector<Lane> lanes_;
   Answer answer_;

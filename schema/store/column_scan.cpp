@@ -3,11 +3,41 @@
 #include <algorithm>
 #include <limits>
 
+#include "schema/store/block/wide_loops.hpp"
+
 namespace tacho::store {
 
 namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
+/// Each more than the one before. Looks at all of them, which is quicker than stopping.
+template <class T>
+bool ascending(const std::vector<T>& values) {
+  std::int64_t wrong = 0;
+  run_loop([&]() __attribute__((always_inline)) {
+    std::int64_t all = 0;
+    for (std::size_t i = 1; i < values.size(); ++i) {
+      all |= values[i - 1] < values[i] ? 0 : 1;
+    }
+    wrong = all;
+  });
+  return wrong == 0;
+}
+
+void find_span(Chunk& chunk) {
+  const std::vector<Micros>& t = chunk.batch.t_send_us;
+  run_loop([&]() __attribute__((always_inline)) {
+    Micros min = t.empty() ? 0 : t.front();
+    Micros max = min;
+    for (const Micros each : t) {
+      min = std::min(min, each);
+      max = std::max(max, each);
+    }
+    chunk.t_min_us = min;
+    chunk.t_max_us = max;
+  });
+}
 
 }  // namespace
 
@@ -17,7 +47,7 @@ ColumnScan::ColumnScan(Connection& connection, const BlockList& list, const Part
       query_(&query),
       report_(&report),
       hot_(connection, head, query.answers, met, report),
-      fetch_(connection) {
+      fetch_(connection, *query.blocks) {
   auto places = block_places(list, head, query.answers, met, report);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     lanes_.push_back({std::move(places[s]), {}, BatchBuilder(static_cast<Source>(s), query.wanted[s]), {}, 0});
@@ -46,6 +76,7 @@ bool ColumnScan::next(Source source, std::int64_t before, Chunk& chunk) {
       rows.blocks.pop_front();
       load(source, place, chunk);
     }
+    find_span(chunk);
     keep_good_rows(source, chunk);
     if (!chunk.place.empty()) {
       return true;
@@ -54,21 +85,28 @@ bool ColumnScan::next(Source source, std::int64_t before, Chunk& chunk) {
 }
 
 void ColumnScan::load(Source source, const BlockRow& place, Chunk& chunk) {
-  chunk = {};
   chunk.session = place.session;
+  bool loaded = false;
   fetch_.with(place, source, *report_, [&](BlockDecoder& block) {
     std::string damage;
     if (query_->decoders->block && load_columns(block, place, source, chunk, damage)) {
+      loaded = damage.empty();
       return damage;
     }
-    return load_rows(block, source, chunk);
+    damage = load_rows(block, source, chunk);
+    loaded = true;
+    return damage;
   });
+  if (!loaded) {
+    chunk.batch = Batch{};
+    chunk.place.clear();
+  }
 }
 
 /// False: the answers have to be decoded one by one.
 bool ColumnScan::load_columns(BlockDecoder& block, const BlockRow& place, Source source, Chunk& chunk,
                               std::string& damage) {
-  chunk.batch = lane(source).builder.take();
+  chunk.batch = lane(source).builder.blank(std::move(query_->spare[static_cast<std::size_t>(source)]));
   AnswerMeta meta;
   meta.robot = place.robot;
   meta.source = source;
@@ -80,44 +118,40 @@ bool ColumnScan::load_columns(BlockDecoder& block, const BlockRow& place, Source
   if (decoded && damage.empty()) {
     damage = block.places(chunk.place);
   }
-  if (!damage.empty()) {
-    chunk.place.clear();
-    chunk.batch = Batch{};
-  }
   return decoded;
 }
 
 std::string ColumnScan::load_rows(BlockDecoder& block, Source source, Chunk& chunk) {
+  chunk.place.clear();
   std::vector<std::int64_t> places;
   std::string damage = block.places(places);
-  if (!damage.empty()) {
-    return damage;
+  if (damage.empty()) {
+    damage = block.answers([&](std::size_t i, const Answer& answer) {
+      decode(answer);
+      chunk.place.push_back(places[i]);
+    });
   }
-  Lane& rows = lane(source);
-  damage = block.answers([&](std::size_t i, const Answer& answer) {
-    decode(answer);
-    chunk.place.push_back(places[i]);
-  });
-  chunk.batch = rows.builder.take();
+  chunk.batch = lane(source).builder.take();
   return damage;
+}
+
+bool ColumnScan::in_order(const Chunk& chunk, std::int64_t last_place) const {
+  return chunk.place.front() > last_place && chunk.place.back() <= head_->ends.row && ascending(chunk.place) &&
+         ascending(chunk.batch.seq);
 }
 
 /// What nearly every block is.
 bool ColumnScan::all_good(AnswerMeta meta, const Chunk& chunk) {
-  const Batch& batch = chunk.batch;
-  const auto [first, last] = std::minmax_element(batch.t_send_us.begin(), batch.t_send_us.end());
   const Window& window = query_->answers.window;
-  if (!window.contains(*first) || !window.contains(*last) || chunk.place.back() > head_->ends.row ||
-      chunk.place.front() <= lane(meta.source).last_place ||
-      std::adjacent_find(chunk.place.begin(), chunk.place.end(), std::greater_equal<>()) != chunk.place.end() ||
-      std::adjacent_find(batch.seq.begin(), batch.seq.end(), std::greater_equal<>()) != batch.seq.end()) {
+  std::int64_t& last_place = lane(meta.source).last_place;
+  if (!window.contains(chunk.t_min_us) || !window.contains(chunk.t_max_us) || !in_order(chunk, last_place)) {
     return false;
   }
-  meta.seq = batch.seq.front();
-  if (!query_->order.accepts_run(meta, batch.seq.back())) {
+  meta.seq = chunk.batch.seq.front();
+  if (!query_->order.accepts_run(meta, chunk.batch.seq.back())) {
     return false;
   }
-  lane(meta.source).last_place = chunk.place.back();
+  last_place = chunk.place.back();
   return true;
 }
 
@@ -165,6 +199,7 @@ void ColumnScan::keep_good_rows(Source source, Chunk& chunk) {
   }
   chunk.batch = builder.take();
   chunk.place = std::move(places);
+  find_span(chunk);
 }
 
 /// Appends the answer to the rows its lane collects.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <utility>
 #include <vector>
 
 #include "schema/batch_builder.hpp"
@@ -20,6 +21,8 @@ struct Chunk {
   SessionId session = 0;
   std::vector<std::int64_t> place;  ///< among all answers of the part, ascending
   Batch batch;
+  Micros t_min_us = 0;  ///< of t_send
+  Micros t_max_us = 0;
 };
 
 /// What to read, and how. Must outlive its scans; one for all parts of a reading.
@@ -27,8 +30,10 @@ struct ColumnQuery {
   AnswerQuery answers;
   std::array<FieldSet, kSourceCount> wanted;
   const Decoders* decoders = nullptr;
+  BlockTools* blocks = nullptr;
   std::function<const Stream&(const AnswerMeta&)> stream_of;
   OrderGuard order;
+  std::array<Batch, kSourceCount> spare;  ///< batches that nobody needs any more
 };
 
 class ColumnScan {
@@ -37,8 +42,11 @@ class ColumnScan {
   ColumnScan(Connection& connection, const BlockList& list, const PartHead& head, ColumnQuery& query, StreamCounts& met,
              const Report& report);
 
-  /// The next rows of a source that begin before the place `before`; false when there are none.
+  /// The next rows of a source that begin before the place `before`; false when there are none. `chunk` may be any: its
+  /// memory is used again.
   bool next(Source source, std::int64_t before, Chunk& chunk);
+  /// The memory of a batch that next() gave serves one to come.
+  void recycle(Batch&& batch) { query_->spare[static_cast<std::size_t>(batch.source)] = std::move(batch); }
 
  private:
   struct Lane {
@@ -61,6 +69,7 @@ class ColumnScan {
   void load(Source source, const BlockRow& place, Chunk& chunk);
   bool load_columns(BlockDecoder& block, const BlockRow& place, Source source, Chunk& chunk, std::string& damage);
   std::string load_rows(BlockDecoder& block, Source source, Chunk& chunk);
+  bool in_order(const Chunk& chunk, std::int64_t last_place) const;
   bool all_good(AnswerMeta meta, const Chunk& chunk);
   void keep_good_rows(Source source, Chunk& chunk);
   void decode(const Answer& answer);

@@ -81,6 +81,7 @@ std::string joined(std::span<const fs::path> paths) {
 struct LogReader::Impl {
   Decoders decoders;
   Access access = Access::careful;
+  BlockTools blocks;
   std::map<const PartHead*, std::unique_ptr<PartReader>> kept;  // of closed parts, open from read() to read()
   std::vector<PartHead> parts;                                  // by number
   bool whole_folder = false;
@@ -411,7 +412,7 @@ std::vector<LogReader::PartInfo> LogReader::parts() const {
 void LogReader::read(RobotId robot, Window window, const Selection& selection,
                      const std::function<void(const Slice&)>& yield) {
   InputGates gates(selection.fields[static_cast<std::size_t>(Source::registers)]);
-  ColumnQuery query{{robot, selection.rows, window}, selection.fields, &impl_->decoders, {}, {}};
+  ColumnQuery query{{robot, selection.rows, window}, selection.fields, &impl_->decoders, &impl_->blocks, {}, {}, {}};
   query.wanted[static_cast<std::size_t>(Source::inputs)] |= gates.flags();
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     query.answers.sources[s] = query.answers.sources[s] || query.wanted[s].any();

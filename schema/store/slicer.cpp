@@ -79,8 +79,7 @@ void Slicer::rows(ColumnScan& scan) {
 /// A single source is handed out as it was read, without copying: its chunks are slices, but for those that are too
 /// long.
 void Slicer::one_source(std::size_t source) {
-  Chunk chunk;
-  Chunk next;
+  auto& [chunk, next] = single_;
   bool more = scan_->next(static_cast<Source>(source), kEnd, chunk);
   while (more) {
     more = scan_->next(static_cast<Source>(source), kEnd, next);
@@ -90,22 +89,29 @@ void Slicer::one_source(std::size_t source) {
     }
     const std::optional<Micros> until =
         more && next.session == chunk.session ? std::optional(next.batch.t_send_us.front()) : std::nullopt;
-    const std::vector<Micros>& t = chunk.batch.t_send_us;
-    for (std::size_t begin = 0; begin < chunk.place.size();) {
-      const std::size_t end = first_far(t, begin, t.size(), t[begin]);
-      if (begin == 0 && end == t.size()) {
-        slice_.batches.push_back(std::move(chunk.batch));
-        emit(chunk.session, until);
-        break;
-      }
-      builders_[source]->append(chunk.batch, begin, end);
-      slice_.batches.push_back(builders_[source]->take());
-      emit(chunk.session, end < t.size() ? std::optional(t[end]) : until);
-      recycle_batches();
-      begin = end;
+    if (chunk.t_max_us - chunk.batch.t_send_us.front() <= kSpanUs &&
+        chunk.batch.t_send_us.front() - chunk.t_min_us <= kSpanUs) {
+      slice_.batches.push_back(std::move(chunk.batch));
+      emit(chunk.session, until);
+      scan_->recycle(std::move(slice_.batches.front()));
+      slice_.batches.clear();
+    } else {
+      cut_up(source, chunk, until);
     }
-    slice_.batches.clear();
     std::swap(chunk, next);
+  }
+}
+
+/// Yields a chunk that is too long for one slice.
+void Slicer::cut_up(std::size_t source, const Chunk& chunk, std::optional<Micros> until_us) {
+  const std::vector<Micros>& t = chunk.batch.t_send_us;
+  for (std::size_t begin = 0; begin < chunk.place.size();) {
+    const std::size_t end = first_far(t, begin, t.size(), t[begin]);
+    builders_[source]->append(chunk.batch, begin, end);
+    slice_.batches.push_back(builders_[source]->take());
+    emit(chunk.session, end < t.size() ? std::optional(t[end]) : until_us);
+    recycle_batches();
+    begin = end;
   }
 }
 
@@ -197,7 +203,7 @@ void Slicer::take_all(std::int64_t before) {
 void Slicer::take_rows(std::size_t source, std::int64_t before) {
   Lane& lane = lanes_[source];
   while (fill(source, 0, before)) {
-    const Chunk& chunk = lane.chunks.front();
+    Chunk& chunk = lane.chunks.front();
     const auto begin = chunk.place.begin() + static_cast<std::ptrdiff_t>(lane.at);
     const auto end = std::lower_bound(begin, chunk.place.end(), before);
     const auto last = static_cast<std::size_t>(end - chunk.place.begin());
@@ -214,6 +220,7 @@ void Slicer::take_rows(std::size_t source, std::int64_t before) {
     if (end != chunk.place.end()) {
       return;
     }
+    scan_->recycle(std::move(chunk.batch));
     lane.chunks.pop_front();
     lane.at = 0;
   }

@@ -63,6 +63,7 @@ class Slicer {
   std::array<std::optional<BatchBuilder>, kSourceCount> builders_;
   std::array<bool, kSourceCount> reads_{};  ///< sources that are read, also those nobody asked for
   std::array<Lane, kSourceCount> lanes_;
+  std::array<Chunk, 2> single_;                ///< of a single source: one that is handed out, and the next
   std::vector<std::int64_t> register_places_;  ///< of the rows of the slice that is being made
   std::map<SessionId, Waiting> waiting_;       ///< not yet handed out, per session
   Slice slice_;
@@ -74,6 +75,7 @@ class Slicer {
   void take_all(std::int64_t before);
   void take_rows(std::size_t source, std::int64_t before);
   void one_source(std::size_t source);
+  void cut_up(std::size_t source, const Chunk& chunk, std::optional<Micros> until_us);
   void yield_sessions_before(SessionId session);
   void finish_batches(SessionId session);
   void recycle_batches();

@@ -257,6 +257,36 @@ std::string_view Statement::bytes(int column) const {
   return data == nullptr ? std::string_view() : std::string_view(static_cast<const char*>(data), size);
 }
 
+void CloseBlob::operator()(sqlite3_blob* handle) const noexcept { sqlite3_blob_close(handle); }
+
+bool BlobColumn::seek(std::int64_t id) {
+  int code = SQLITE_OK;
+  if (handle_ != nullptr) {
+    code = sqlite3_blob_reopen(handle_.get(), id);
+  } else {
+    sqlite3_blob* raw = nullptr;
+    code = sqlite3_blob_open(connection_->handle(), "main", table_, column_, id, 0, &raw);
+    handle_.reset(raw);
+  }
+  if (code != SQLITE_OK) {
+    const auto spent = std::move(handle_);  // it serves no other row, but knows what is wrong
+    if (code == SQLITE_ERROR) {
+      return false;
+    }
+    connection_->check(code, column_);
+  }
+  size_ = static_cast<std::size_t>(sqlite3_blob_bytes(handle_.get()));
+  return true;
+}
+
+void BlobColumn::read(std::size_t offset, std::span<char> out) {
+  const int code = sqlite3_blob_read(handle_.get(), out.data(), static_cast<int>(out.size()), static_cast<int>(offset));
+  if (code != SQLITE_OK) {
+    const auto spent = std::move(handle_);
+    connection_->check(code, column_);
+  }
+}
+
 Transaction::Transaction(Connection& connection) : connection_(&connection) { connection.exec("BEGIN IMMEDIATE"); }
 
 Transaction::~Transaction() {

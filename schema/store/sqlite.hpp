@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -15,6 +16,7 @@
 
 struct sqlite3;
 struct sqlite3_stmt;
+struct sqlite3_blob;
 
 namespace tacho::store {
 
@@ -49,6 +51,10 @@ struct CloseDatabase {
 };
 struct FinalizeStatement {
   void operator()(sqlite3_stmt* handle) const noexcept;
+};
+
+struct CloseBlob {
+  void operator()(sqlite3_blob* handle) const noexcept;
 };
 
 class Connection {
@@ -164,6 +170,28 @@ class Statement {
       bind(index, std::nullopt);
     }
   }
+};
+
+/// One column of a table, of whose blobs parts can be read without the rest. Belongs inside a transaction of reading;
+/// it keeps that open while it lives.
+class BlobColumn {
+ public:
+  BlobColumn(Connection& connection, const char* table, const char* column)
+      : connection_(&connection), table_(table), column_(column) {}
+
+  /// Goes to a row. False: there is no such row, or no blob in it.
+  [[nodiscard]] bool seek(std::int64_t id);
+  /// Bytes of the blob.
+  [[nodiscard]] std::size_t size() const { return size_; }
+  /// The bytes from `offset` on; all of them must lie inside.
+  void read(std::size_t offset, std::span<char> out);
+
+ private:
+  Connection* connection_;
+  const char* table_;
+  const char* column_;
+  std::unique_ptr<sqlite3_blob, CloseBlob> handle_;
+  std::size_t size_ = 0;
 };
 
 /// A transaction that rolls back unless committed.

@@ -201,7 +201,8 @@ Reals reals_of(const Encoded& encoded) {
     store::BlockHead head;
     store::BlockDirectory directory;
     Reals reals;
-    if (store::read_block(block, head, directory).empty()) {
+    store::WholeBlock bytes(block);
+    if (store::read_block(bytes, head, directory).empty()) {
       for (const store::ColumnEntry& entry : directory.entries) {
         reals.add(entry);
       }
@@ -321,7 +322,8 @@ double stamp_bytes(store::Connection& part) {
   for (row.query(); row.step();) {
     store::BlockHead head;
     store::BlockDirectory directory;
-    if (store::read_block(row.bytes(0), head, directory).empty()) {
+    store::WholeBlock block(row.bytes(0));
+    if (store::read_block(block, head, directory).empty()) {
       for (const store::ColumnEntry& entry : directory.entries) {
         const bool stamp = entry.position == store::kSeqColumn || entry.position == store::kSendColumn ||
                            entry.position == store::kRoundTripColumn || entry.position == store::kPlaceColumn;

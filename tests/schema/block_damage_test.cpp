@@ -171,7 +171,8 @@ TEST_CASE("frames that lie are survived") {
       store::ColumnEntry entry = column.entry;
       entry.length = frame.size();
       entry.checksum = static_cast<std::uint32_t>(store::Checksum().add_bytes(frame).value());
-      reader.start(frame);
+      store::WholeBlock bytes(frame);
+      reader.start(bytes);
       reader.set_budget(1 << 20);
       store::LoadedColumn loaded;
       std::string text;
@@ -194,7 +195,8 @@ TEST_CASE("a column does not take more memory than it may") {
   const store::EncodedColumn column = writer.encode(views, store::LeafType::bytes);
   store::ColumnReader reader;
   store::LoadedColumn loaded;
-  reader.start(column.frame);
+  store::WholeBlock bytes(column.frame);
+  reader.start(bytes);
   reader.set_budget(200'000);
   CHECK_FALSE(reader.load(column.entry, loaded));
   reader.set_budget(400'000);

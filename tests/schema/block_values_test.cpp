@@ -1,7 +1,9 @@
 // Values read from columns are those that decoding the answers gives.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "samples/simulator/answers.hpp"
 #include "schema/store/block/image_text.hpp"
@@ -27,8 +29,30 @@ ColumnValues values_of(BlockDecoder& decoder, const std::string& path, TextPool&
   REQUIRE(values.real.size() == decoder.head().rows);
   REQUIRE(values.integer.size() == decoder.head().rows);
   REQUIRE(values.text.size() == decoder.head().rows);
+  const auto like_first = [&](ValueKind kind) { return kind == values.kind.front(); };
+  CHECK((!values.alike || std::all_of(values.kind.begin(), values.kind.end(), like_first)));
   return values;
 }
+
+/// Remembers which bytes of a block were asked for.
+class WatchedBlock final : public store::BlockBytes {
+ public:
+  explicit WatchedBlock(std::string_view bytes) : bytes_(bytes), asked_(bytes.size()) {}
+  std::size_t size() const override { return bytes_.size(); }
+  std::string_view at(std::size_t offset, std::size_t length) override {
+    const std::string_view part = bytes_.substr(offset, length);
+    std::fill_n(asked_.begin() + static_cast<std::ptrdiff_t>(offset), part.size(), true);
+    return part;
+  }
+  std::size_t count() const { return static_cast<std::size_t>(std::count(asked_.begin(), asked_.end(), true)); }
+  std::size_t last() const {
+    return asked_.size() - static_cast<std::size_t>(std::find(asked_.rbegin(), asked_.rend(), true) - asked_.rbegin());
+  }
+
+ private:
+  std::string_view bytes_;
+  std::vector<bool> asked_;
+};
 
 bool given(State state) {
   return state == State::present || state == State::not_supplied || state == State::not_meaningful;
@@ -188,6 +212,29 @@ TEST_CASE("a path is read whatever form its column took") {
     CHECK(pool.at(object.text[row]) == "{ \"a\" : " + n + "}");
     CHECK(inside.integer[row] == static_cast<std::int64_t>(row));
   }
+}
+
+TEST_CASE("a column is read without the bytes of the others, and short ones without going far into the block") {
+  std::vector<std::string> bodies;
+  std::mt19937_64 random(21);
+  for (int row = 0; row < 600; ++row) {
+    std::string body = "{";
+    for (int noise = 0; noise < 10; ++noise) {
+      body += "\"a" + std::to_string(noise) + "\":0." + std::to_string(100'000'000'000'001 + random() % 400'000'000'000'000 * 2) + ",";
+    }
+    bodies.push_back(body + "\"short\":" + std::to_string(row / 7) + "}");
+  }
+  const Encoded encoded = encode(answers_of(bodies));
+  WatchedBlock block(encoded.block);
+  BlockDecoder decoder;
+  REQUIRE(decoder.open(block).empty());
+  TextPool pool;
+  CHECK(values_of(decoder, "short", pool).integer[599] == 85);
+  CHECK(block.count() < block.size() / 10);
+  CHECK(block.last() < block.size() / 8);
+  const std::size_t before = block.count();
+  values_of(decoder, "a3", pool);
+  CHECK(block.count() - before < block.size() / 9);
 }
 
 TEST_CASE("a dot inside a key is not a path") {

@@ -18,14 +18,9 @@ std::string raw_damage(std::uint32_t rows) {
   return fmt::format("{} answers that were kept as they are are damaged", rows);
 }
 
-std::string_view unchecked_frame(std::string_view block, const TextFrame& frame) {
-  const bool inside = frame.offset <= block.size() && frame.length <= block.size() - frame.offset;
-  return inside ? block.substr(frame.offset, frame.length) : std::string_view{};
-}
-
 /// The frame's bytes; empty when they are not those that were written.
-std::string_view frame_of(std::string_view block, const TextFrame& frame) {
-  const std::string_view bytes = unchecked_frame(block, frame);
+std::string_view frame_of(BlockBytes& block, const TextFrame& frame) {
+  const std::string_view bytes = block.at(frame.offset, frame.length);
   return static_cast<std::uint32_t>(Checksum().add_bytes(bytes).value()) == frame.checksum ? bytes : std::string_view{};
 }
 
@@ -43,8 +38,8 @@ std::vector<ShapePart> whole_shapes(const ShapeTable& table) {
 
 }  // namespace
 
-std::string BlockDecoder::open(std::string_view block) {
-  block_ = block;
+std::string BlockDecoder::open(BlockBytes& block) {
+  block_ = &block;
   shape_of_row_.clear();
   constants_ = Constants::unread;
   reader_.start(block);
@@ -57,9 +52,8 @@ std::string BlockDecoder::open(std::string_view block) {
 }
 
 bool BlockDecoder::load_shapes() {
-  table_ = std::make_shared<const ShapeTable>(head_.source);
   // Equal to bytes that were good is good: their checksum need not be looked at.
-  const std::string_view stored = unchecked_frame(block_, directory_.shapes);
+  const std::string_view stored = block_->at(directory_.shapes.offset, directory_.shapes.length);
   const std::size_t leaves = directory_.columns - kRowColumns;
   const auto known = std::find_if(known_.begin(), known_.end(), [&](const KnownShapes& shapes) {
     return shapes.source == head_.source && shapes.frame == stored &&
@@ -69,8 +63,9 @@ bool BlockDecoder::load_shapes() {
     table_ = known->table;
     return leaves == table_->columns().size();
   }
-  const std::string_view frame = frame_of(block_, directory_.shapes);
+  const std::string_view frame = frame_of(*block_, directory_.shapes);
   auto table = std::make_shared<ShapeTable>(head_.source);
+  table_ = std::make_shared<const ShapeTable>(head_.source);
   ByteReader in(frame);
   std::vector<std::string_view> texts;
   std::vector<char> storage;
@@ -89,7 +84,7 @@ bool BlockDecoder::load_shapes() {
 bool BlockDecoder::load_constants() {
   if (constants_ == Constants::unread) {
     constants_ = Constants::damaged;
-    const std::string_view frame = frame_of(block_, directory_.constants);
+    const std::string_view frame = frame_of(*block_, directory_.constants);
     ByteReader in(frame);
     std::vector<std::string_view> texts;
     if (!frame.empty() && reader_.take_texts(in, directory_.constants.count, texts, constant_bytes_)) {
@@ -100,24 +95,29 @@ bool BlockDecoder::load_constants() {
   return constants_ == Constants::good;
 }
 
-bool BlockDecoder::load(std::uint32_t position, LoadedColumn& column) {
+bool BlockDecoder::load(std::uint32_t position, LoadedColumn& column, const IntReader::UseRun* numbers) {
   std::size_t number = 0;
-  if (const ColumnEntry* const entry = directory_.find(position, number)) {
-    // Only composites have constant parts.
-    return (entry->form != ColumnForm::composite || load_constants()) && reader_.load(*entry, column);
+  const ColumnEntry* const entry = directory_.find(position, number);
+  if (entry == nullptr) {
+    return load_constants() && reader_.load_constant(number, column);
   }
-  return load_constants() && reader_.load_constant(number, column);
+  // Only composites have constant parts.
+  return (entry->form != ColumnForm::composite || load_constants()) &&
+         (numbers != nullptr ? reader_.load(*entry, column, *numbers) : reader_.load(*entry, column));
+}
+
+bool BlockDecoder::load_values(RowColumn column, const IntReader::UseRun& use) {
+  std::size_t number = 0;
+  const ColumnEntry* const entry = directory_.find(column, number);
+  return entry != nullptr && entry->form == ColumnForm::numbers && entry->count == head_.rows &&
+         entry->exceptions == 0 && reader_.load(*entry, row_column_, use);
 }
 
 bool BlockDecoder::load_values(RowColumn column, std::vector<std::int64_t>& values) {
-  std::size_t number = 0;
-  const ColumnEntry* const entry = directory_.find(column, number);
-  if (entry == nullptr || entry->form != ColumnForm::numbers || entry->count != head_.rows || entry->exceptions != 0 ||
-      !reader_.load(*entry, row_column_)) {
-    return false;
-  }
-  std::swap(values, row_column_.values);
-  return true;
+  values.resize(head_.rows);
+  return load_values(column, [&](std::size_t begin, std::span<const std::int64_t> run) {
+    std::copy(run.begin(), run.end(), values.begin() + static_cast<std::ptrdiff_t>(begin));
+  });
 }
 
 bool BlockDecoder::load_shape_of_row() {
@@ -186,17 +186,21 @@ std::vector<ColumnInfo> BlockDecoder::columns() const {
 std::string BlockDecoder::times(std::vector<std::uint64_t>& seq, std::vector<Micros>& t_send_us,
                                 std::vector<Micros>& t_recv_us) {
   reader_.set_budget(kBlockBudget);
-  std::vector<std::int64_t> numbers;
-  if (!load_values(kSeqColumn, numbers) || !load_values(kSendColumn, t_send_us) ||
-      !load_values(kRoundTripColumn, t_recv_us)) {
-    return "numbers and times of the rows are damaged";
-  }
-  seq.assign(numbers.begin(), numbers.end());
-  for (std::size_t i = 0; i < t_recv_us.size(); ++i) {
-    t_recv_us[i] =
-        static_cast<Micros>(static_cast<std::uint64_t>(t_recv_us[i]) + static_cast<std::uint64_t>(t_send_us[i]));
-  }
-  return "";
+  seq.resize(head_.rows);
+  t_recv_us.resize(head_.rows);
+  const auto put_seq = [&](std::size_t begin, std::span<const std::int64_t> run) {
+    std::copy(run.begin(), run.end(), seq.begin() + static_cast<std::ptrdiff_t>(begin));
+  };
+  const auto put_recv = [&](std::size_t begin, std::span<const std::int64_t> run) {
+    for (std::size_t i = 0; i < run.size(); ++i) {
+      t_recv_us[begin + i] =
+          static_cast<Micros>(static_cast<std::uint64_t>(run[i]) + static_cast<std::uint64_t>(t_send_us[begin + i]));
+    }
+  };
+  return load_values(kSeqColumn, put_seq) && load_values(kSendColumn, t_send_us) &&
+                 load_values(kRoundTripColumn, put_recv)
+             ? ""
+             : "numbers and times of the rows are damaged";
 }
 
 std::string BlockDecoder::places(std::vector<std::int64_t>& places) {
@@ -219,7 +223,7 @@ bool BlockDecoder::load_headers(LoadedColumn& headers) {
          (entry == nullptr || entry->count == head_.rows);
 }
 
-bool BlockDecoder::load_leaf(std::uint32_t leaf, LoadedColumn& column) {
+bool BlockDecoder::load_leaf(std::uint32_t leaf, LoadedColumn& column, const IntReader::UseRun* numbers) {
   std::size_t number = 0;
   const ColumnEntry* const entry = directory_.find(kRowColumns + leaf, number);
   const bool everywhere = head_.raw_rows == 0 && table_->columns()[leaf].shapes == table_->shapes().size();
@@ -227,7 +231,7 @@ bool BlockDecoder::load_leaf(std::uint32_t leaf, LoadedColumn& column) {
     return false;
   }
   const std::uint32_t rows = everywhere ? head_.rows : rows_of_leaf_[leaf];
-  return (entry == nullptr || entry->count == rows) && load(kRowColumns + leaf, column);
+  return (entry == nullptr || entry->count == rows) && load(kRowColumns + leaf, column, numbers);
 }
 
 std::string BlockDecoder::raw_bodies(const std::function<void(std::size_t, std::string_view)>& yield) {

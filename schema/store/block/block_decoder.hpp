@@ -37,6 +37,7 @@ struct Want {
 struct ColumnValues {
   /// What stands in the answer. Rows kept raw and rows whose answer has no such path are `absent`.
   std::vector<ValueKind> kind;
+  bool alike = false;                 ///< all of `kind` are equal; not always found out
   std::vector<double> real;           ///< numbers: exactly what reading the text gives, no scale applied
   std::vector<std::int64_t> integer;  ///< whole numbers; flags 0 or 1; floats of registers: their 32 bits
   std::vector<std::uint32_t> text;  ///< texts without quotes and escapes; arrays, objects: their JSON; ids in the pool
@@ -56,8 +57,17 @@ struct ColumnInfo {
 
 class BlockDecoder {
  public:
+  BlockDecoder() = default;
+  ~BlockDecoder() = default;
+  BlockDecoder(const BlockDecoder&) = delete;
+  BlockDecoder& operator=(const BlockDecoder&) = delete;
+
   /// What is wrong with head or directory, or nothing. Nothing else may be called when something is wrong.
-  [[nodiscard]] std::string open(std::string_view block);
+  [[nodiscard]] std::string open(BlockBytes& block);
+  [[nodiscard]] std::string open(std::string_view block) {
+    whole_ = WholeBlock(block);
+    return open(whole_);
+  }
   [[nodiscard]] const BlockHead& head() const { return head_; }
   /// Names of everything in the block; empty when the shapes are damaged, which every read() says.
   [[nodiscard]] const ShapeTable& shapes() const { return *table_; }
@@ -83,7 +93,8 @@ class BlockDecoder {
   [[nodiscard]] std::string read(const std::string& path, Want want, TextPool& pool, ColumnValues& out);
 
  private:
-  std::string_view block_;
+  WholeBlock whole_;
+  BlockBytes* block_ = &whole_;
   BlockHead head_;
   BlockDirectory directory_;
   ColumnReader reader_;
@@ -106,13 +117,14 @@ class BlockDecoder {
 
   bool load_shapes();
   bool load_constants();
-  bool load(std::uint32_t position, LoadedColumn& column);
+  bool load(std::uint32_t position, LoadedColumn& column, const IntReader::UseRun* numbers = nullptr);
+  bool load_values(RowColumn column, const IntReader::UseRun& use);
   bool load_values(RowColumn column, std::vector<std::int64_t>& values);
   bool load_shape_of_row();
   void count_leaf_rows();
   bool load_raw(LoadedColumn& raw);
   bool load_headers(LoadedColumn& headers);
-  bool load_leaf(std::uint32_t leaf, LoadedColumn& column);
+  bool load_leaf(std::uint32_t leaf, LoadedColumn& column, const IntReader::UseRun* numbers = nullptr);
   /// Rows that have the leaf column; empty when all have.
   bool present_rows(std::uint32_t leaf, std::vector<bool>& present);
   bool read_leaf(std::uint32_t leaf, Want want, TextPool& pool, ColumnValues& out);

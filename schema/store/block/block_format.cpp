@@ -79,11 +79,11 @@ void put_entry(const EncodedColumn& column, std::string& out) {
   }
 }
 
-/// Reads entries; offsets follow from the lengths, numbers of constants from their order.
+/// Reads entries, over what stands in them from another block; numbers of constants follow from their order.
 class EntryReader {
  public:
-  EntryReader(ByteReader& in, std::size_t offset, std::size_t next_constant, std::uint32_t rows)
-      : in_(in), offset_(offset), next_constant_(next_constant), rows_(rows) {}
+  EntryReader(ByteReader& in, std::size_t next_constant, std::uint32_t rows)
+      : in_(in), next_constant_(next_constant), rows_(rows) {}
 
   bool take(ColumnEntry& entry, int depth = 0) {
     const std::uint8_t form = in_.byte();
@@ -91,8 +91,12 @@ class EntryReader {
       return false;
     }
     entry.form = static_cast<ColumnForm>(form);
+    if (entry.form != ColumnForm::composite) {
+      entry.children.clear();
+    }
     if (entry.form == ColumnForm::constant) {
       entry.position = static_cast<std::uint32_t>(next_constant_++);
+      entry.length = 0;
       return depth > 0;
     }
     const std::uint64_t count = in_.varint();
@@ -103,14 +107,16 @@ class EntryReader {
     }
     entry.count = static_cast<std::uint32_t>(count);
     entry.length = length;
-    entry.offset = offset_;
-    offset_ += length;
-    return entry.form == ColumnForm::numbers ? numbers(entry) : entry.form == ColumnForm::texts || parts(entry, depth);
+    if (entry.form == ColumnForm::numbers) {
+      return numbers(entry);
+    }
+    entry.exceptions = 0;
+    entry.style = NumberStyle();
+    return entry.form == ColumnForm::texts || parts(entry, depth);
   }
 
  private:
   ByteReader& in_;
-  std::size_t offset_;
   std::size_t next_constant_;
   std::uint32_t rows_;
   std::size_t entries_ = 0;
@@ -131,9 +137,8 @@ class EntryReader {
     if (parts > in_.left() || parts > kMaxEntries) {
       return false;
     }
-    entry.children.reserve(parts);  // each takes at least a byte of the directory
-    for (std::uint64_t i = 0; i < parts; ++i) {
-      ColumnEntry& child = entry.children.emplace_back();
+    entry.children.resize(parts);  // each takes at least a byte of the directory
+    for (ColumnEntry& child : entry.children) {
       if (!take(child, depth + 1) || (child.form != ColumnForm::constant && child.count != entry.count)) {
         return false;
       }
@@ -161,13 +166,60 @@ bool take_text_frame(ByteReader& in, std::size_t& offset, TextFrame& frame) {
   return in.good() && frame.length <= kMaxPieceBytes;
 }
 
-void collect(const EncodedColumn& column, std::vector<std::string_view>& constants, std::string& frames) {
-  frames += column.frame;
+std::size_t frame_bytes(const ColumnEntry& entry) {
+  std::size_t bytes = entry.length;
+  for (const ColumnEntry& child : entry.children) {
+    bytes += frame_bytes(child);
+  }
+  return bytes;
+}
+
+std::size_t frame_bytes(const EncodedColumn& column) {
+  std::size_t bytes = column.frame.size();
+  for (const EncodedColumn& child : column.children) {
+    bytes += frame_bytes(child);
+  }
+  return bytes;
+}
+
+/// Numbers of the columns that are not constant, in the order in which their frames are stored.
+template <class Column>
+std::vector<std::size_t> frame_order(std::span<const Column> columns) {
+  std::vector<std::pair<std::size_t, std::size_t>> by_size;
+  by_size.reserve(columns.size());
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    by_size.emplace_back(frame_bytes(columns[i]), i);
+  }
+  std::sort(by_size.begin(), by_size.end());
+  std::vector<std::size_t> order;
+  order.reserve(by_size.size());
+  for (const auto& [bytes, i] : by_size) {
+    order.push_back(i);
+  }
+  return order;
+}
+
+void collect_constants(const EncodedColumn& column, std::vector<std::string_view>& constants) {
   for (const EncodedColumn& child : column.children) {
     if (child.entry.form == ColumnForm::constant) {
       constants.push_back(child.constant);
     }
-    collect(child, constants, frames);
+    collect_constants(child, constants);
+  }
+}
+
+void collect_frames(const EncodedColumn& column, std::string& frames) {
+  frames += column.frame;
+  for (const EncodedColumn& child : column.children) {
+    collect_frames(child, frames);
+  }
+}
+
+void place_frames(ColumnEntry& entry, std::size_t& offset) {
+  entry.offset = offset;
+  offset += entry.length;
+  for (ColumnEntry& child : entry.children) {
+    place_frames(child, offset);
   }
 }
 
@@ -180,7 +232,7 @@ bool take_directory(ByteReader& in, std::size_t offset, const BlockHead& head, B
   }
   directory.columns = static_cast<std::uint32_t>(columns);
   directory.entries.resize(entries);
-  EntryReader reader(in, offset, columns - entries, head.rows);
+  EntryReader reader(in, columns - entries, head.rows);
   std::uint64_t position = 0;
   for (ColumnEntry& entry : directory.entries) {
     position += in.varint();
@@ -188,6 +240,9 @@ bool take_directory(ByteReader& in, std::size_t offset, const BlockHead& head, B
       return false;
     }
     entry.position = static_cast<std::uint32_t>(position++);
+  }
+  for (const std::size_t i : frame_order(std::span<const ColumnEntry>(directory.entries))) {
+    place_frames(directory.entries[i], offset);
   }
   return in.good() && in.left() == 0;
 }
@@ -225,8 +280,11 @@ std::string write_block(BlockHead head, std::span<const std::string_view> shapes
     }
     put_varint(entry_bytes, constants_before);
     put_entry(column, entry_bytes);
-    collect(column, constants, column_frames);
+    collect_constants(column, constants);
     constants_before = 0;
+  }
+  for (const std::size_t i : frame_order(columns)) {
+    collect_frames(columns[i], column_frames);
   }
   std::string directory;
   std::string text_frames;
@@ -285,18 +343,18 @@ bool read_head(std::string_view block, BlockHead& head) {
          flags == 0 && head.rows > 0 && head.rows <= kMaxBlockRows && head.raw_rows <= head.rows;
 }
 
-std::string read_block(std::string_view block, BlockHead& head, BlockDirectory& directory) {
-  directory = BlockDirectory();
-  if (!read_head(block, head)) {
+std::string read_block(BlockBytes& block, BlockHead& head, BlockDirectory& directory) {
+  const std::string_view fixed = block.at(0, kBlockHeadBytes);
+  if (!read_head(fixed, head)) {
     return "not a block of version 1";
   }
   constexpr std::size_t kDirectoryBytesAt = 24;
-  const std::size_t directory_bytes = ByteReader(block.substr(kDirectoryBytesAt)).fixed<std::uint32_t>();
+  const std::size_t directory_bytes = ByteReader(fixed.substr(kDirectoryBytesAt)).fixed<std::uint32_t>();
   if (head.bytes != block.size() || directory_bytes > block.size() - kBlockHeadBytes) {
     return fmt::format("the block should have {} bytes and has {}", head.bytes, block.size());
   }
-  const std::string_view covered = block.substr(0, kBlockHeadBytes + directory_bytes);
-  if (ByteReader(block.substr(kChecksumAt)).fixed<std::uint32_t>() != head_checksum(covered)) {
+  const std::string_view covered = block.at(0, kBlockHeadBytes + directory_bytes);
+  if (ByteReader(covered.substr(kChecksumAt)).fixed<std::uint32_t>() != head_checksum(covered)) {
     return "head or directory of the block are damaged";
   }
   ByteReader in(covered.substr(kBlockHeadBytes));

@@ -1,6 +1,7 @@
 // Reading the values of one path of a block, in bulk.
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "schema/store/block/block_decoder.hpp"
@@ -54,6 +55,7 @@ void resize(ColumnValues& out, std::size_t count, Want want) {
   out.real.resize(want.reals ? count : 0);
   out.integer.resize(want.integers ? count : 0);
   out.text.resize(want.texts ? count : 0);
+  out.alike = false;
 }
 
 void put(ColumnValues& out, std::size_t i, const Meaning& meaning, Want want) {
@@ -74,42 +76,10 @@ void fill(ColumnValues& out, std::size_t count, const Meaning& meaning, Want wan
   out.real.assign(want.reals ? count : 0, meaning.real);
   out.integer.assign(want.integers ? count : 0, meaning.integer);
   out.text.assign(want.texts ? count : 0, meaning.text);
+  out.alike = true;
 }
 
-/// Integers of a column of JSON numbers, from the reals unless the column holds whole numbers itself.
-void integers_of(const LoadedColumn& column, std::span<const double> reals, ColumnValues& out) {
-  if (column.style.kind == NumberKind::decimal && column.style.decimals == 0) {
-    std::transform(column.values.begin(), column.values.end(), out.integer.begin(),
-                   [](std::int64_t value) { return value < 0 ? value + 1 : value; });
-    std::fill(out.kind.begin(), out.kind.end(), ValueKind::whole);
-    return;
-  }
-  for (std::size_t i = 0; i < reals.size(); ++i) {
-    out.kind[i] = to_whole(reals[i], out.integer[i]) ? ValueKind::whole : ValueKind::number;
-  }
-}
-
-void register_integers_of(const LoadedColumn& column, ColumnValues& out) {
-  switch (column.style.kind) {
-    case NumberKind::float_decimal: {
-      std::string bytes;
-      for (std::size_t i = 0; i < column.values.size(); ++i) {
-        bytes.clear();
-        append_number(column.style, column.values[i], bytes);
-        out.integer[i] = register_bits(bytes, column.style.order);
-      }
-      return;
-    }
-    case NumberKind::float_bits:
-      std::copy(column.values.begin(), column.values.end(), out.integer.begin());
-      return;
-    default:
-      std::copy(column.values.begin(), column.values.end(), out.integer.begin());
-      std::fill(out.kind.begin(), out.kind.end(), ValueKind::whole);
-  }
-}
-
-/// A column of one leaf, value by value as it is stored.
+/// A column of one leaf, value by value as it is stored. `column` has no numbers: those come run by run.
 struct LeafReading {
   const LoadedColumn& column;
   LeafType type;
@@ -122,23 +92,29 @@ struct LeafReading {
     return type == LeafType::json ? meaning_of(text, want, pool) : meaning_of_register(text, type, order, want);
   }
 
-  void numbers() const {
-    const std::size_t count = column.values.size();
-    fill(out, count, {ValueKind::number, 0, 0, 0}, want);
-    const bool through_reals = type == LeafType::json && want.integers;
-    std::vector<double> temporary(want.reals || !through_reals ? 0 : count);
-    double* const reals = want.reals ? out.real.data() : temporary.data();
-    if (want.reals || through_reals) {
-      to_reals(column.style, column.values, reals);
+  /// Before the first run of numbers.
+  void start_numbers(std::size_t count) const {
+    resize(out, count, want);
+    std::fill(out.kind.begin(), out.kind.end(), ValueKind::number);
+    std::fill(out.text.begin(), out.text.end(), 0);
+    out.alike = true;
+  }
+  void numbers(std::size_t begin, std::span<const std::int64_t> values) const {
+    if (want.reals) {
+      to_reals(column.style, values, out.real.data() + begin);
     }
-    if (through_reals) {
-      integers_of(column, {reals, count}, out);
+    if (want.integers && type == LeafType::json) {
+      integers(begin, values);
     } else if (want.integers) {
-      register_integers_of(column, out);
+      register_integers(begin, values);
     }
+  }
+  /// After the last run of numbers.
+  void exceptions() const {
     for (std::size_t i = 0; i < column.exception_rows.size(); ++i) {
       put(out, static_cast<std::size_t>(column.exception_rows[i]), meaning(column.texts[i]), want);
     }
+    out.alike = out.alike && column.exception_rows.empty();
   }
   void texts() const {
     std::vector<Meaning> meanings;
@@ -146,9 +122,12 @@ struct LeafReading {
       meanings.push_back(meaning(text));
     }
     resize(out, column.values.size(), want);
-    for (std::size_t i = 0; i < column.values.size(); ++i) {
-      put(out, i, meanings[static_cast<std::size_t>(column.values[i])], want);
-    }
+    each(meanings, &Meaning::kind, out.kind);
+    each(meanings, &Meaning::real, out.real);
+    each(meanings, &Meaning::integer, out.integer);
+    each(meanings, &Meaning::text, out.text);
+    out.alike = std::all_of(meanings.begin(), meanings.end(),
+                            [&](const Meaning& meaning) { return meaning.kind == meanings[0].kind; });
   }
   void composite(std::size_t count) const {
     resize(out, count, want);
@@ -157,6 +136,48 @@ struct LeafReading {
       text.clear();
       column.append(i, text);
       put(out, i, meaning(text), want);
+    }
+  }
+
+ private:
+  /// Whole numbers, from the reals unless the column holds whole numbers itself.
+  void integers(std::size_t begin, std::span<const std::int64_t> values) const {
+    std::int64_t* const integers = out.integer.data() + begin;
+    ValueKind* const kinds = out.kind.data() + begin;
+    if (column.style.kind == NumberKind::decimal && column.style.decimals == 0) {
+      std::transform(values.begin(), values.end(), integers,
+                     [](std::int64_t value) { return value < 0 ? value + 1 : value; });
+      std::fill_n(kinds, values.size(), ValueKind::whole);
+      return;
+    }
+    std::array<double, IntReader::kRun> reals{};
+    to_reals(column.style, values, reals.data());
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      kinds[i] = to_whole(reals[i], integers[i]) ? ValueKind::whole : ValueKind::number;
+    }
+    out.alike = false;
+  }
+  void register_integers(std::size_t begin, std::span<const std::int64_t> values) const {
+    std::int64_t* const integers = out.integer.data() + begin;
+    if (column.style.kind == NumberKind::float_decimal) {
+      std::string bytes;
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        bytes.clear();
+        append_number(column.style, values[i], bytes);
+        integers[i] = register_bits(bytes, column.style.order);
+      }
+      return;
+    }
+    std::copy(values.begin(), values.end(), integers);
+    if (column.style.kind != NumberKind::float_bits) {
+      std::fill_n(out.kind.data() + begin, values.size(), ValueKind::whole);
+    }
+  }
+  /// One property of the meaning of every value of a column of texts; nothing where it is not wanted.
+  template <class T>
+  void each(const std::vector<Meaning>& meanings, T Meaning::*property, std::vector<T>& values) const {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = meanings[static_cast<std::size_t>(column.values[i])].*property;
     }
   }
 };
@@ -179,6 +200,7 @@ void spread_all(ColumnValues& out, const std::vector<bool>& present) {
   spread(out.real, present, 0.0);
   spread(out.integer, present, std::int64_t{0});
   spread(out.text, present, std::uint32_t{0});
+  out.alike = false;
 }
 
 }  // namespace
@@ -219,17 +241,30 @@ std::string BlockDecoder::read(const std::string& path, Want want, TextPool& poo
 bool BlockDecoder::read_leaf(std::uint32_t leaf, Want want, TextPool& pool, ColumnValues& out) {
   const LeafColumn& description = table_->columns()[leaf];
   std::vector<bool> present;
-  if (!present_rows(leaf, present) || !load_leaf(leaf, column_)) {
+  if (!present_rows(leaf, present)) {
     return false;
   }
   const std::size_t rows = present.empty() ? head_.rows : rows_of_leaf_[leaf];
+  if (rows == 0) {
+    fill(out, head_.rows, {}, want);
+    return true;
+  }
   const LeafReading reading{column_, description.type, head_.order, want, pool, out};
+  const IntReader::UseRun numbers = [&](std::size_t begin, std::span<const std::int64_t> values) {
+    if (begin == 0) {
+      reading.start_numbers(rows);
+    }
+    reading.numbers(begin, values);
+  };
+  if (!load_leaf(leaf, column_, &numbers)) {
+    return false;
+  }
   switch (column_.form) {
     case ColumnForm::constant:
       fill(out, rows, reading.meaning(column_.texts[0]), want);
       break;
     case ColumnForm::numbers:
-      reading.numbers();
+      reading.exceptions();
       break;
     case ColumnForm::texts:
       reading.texts();
@@ -265,6 +300,7 @@ std::string BlockDecoder::read_object(const std::string& path, Want want, TextPo
     return "column " + text.missing() + " is damaged";
   }
   std::string body;
+  out.alike = false;
   for (std::size_t row = 0; row < head_.rows; ++row) {
     const auto shape = static_cast<std::size_t>(shape_of_row_[row]);
     if (shape == 0) {

@@ -102,8 +102,8 @@ struct LoadedColumn {
 class ColumnReader {
  public:
   /// `block` must outlive the columns loaded.
-  void start(std::string_view block) {
-    block_ = block;
+  void start(BlockBytes& block) {
+    block_ = &block;
     constants_.clear();
   }
   /// Bytes that the columns loaded from now on may take together when unpacked.
@@ -115,16 +115,19 @@ class ColumnReader {
   void set_constants(std::vector<std::string_view> texts) { constants_ = std::move(texts); }
   /// False: damaged, or over the budget.
   [[nodiscard]] bool load(const ColumnEntry& entry, LoadedColumn& column);
+  /// The same, but values of a column of numbers are handed on as they are read, and `column.values` stays empty.
+  /// Exceptions are complete only after the last value.
+  [[nodiscard]] bool load(const ColumnEntry& entry, LoadedColumn& column, const IntReader::UseRun& numbers);
   [[nodiscard]] bool load_constant(std::size_t number, LoadedColumn& column) const;
 
  private:
   IntReader ints_;
-  std::string_view block_;
+  BlockBytes* block_ = nullptr;
   std::size_t budget_ = 0;
   std::vector<std::string_view> constants_;
   bool spend(std::size_t bytes);
   bool load_distinct(ByteReader& in, std::size_t count, LoadedColumn& column, std::vector<std::int64_t>& index);
-  bool load_numbers(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column);
+  bool load_exceptions(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column);
   bool load_composite(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column);
 };
 

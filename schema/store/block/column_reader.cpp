@@ -90,36 +90,37 @@ bool ColumnReader::load_distinct(ByteReader& in, std::size_t count, LoadedColumn
     index.assign(count, 0);
     return true;
   }
-  return ints_.take(in, count, index) && std::all_of(index.begin(), index.end(), [&](std::int64_t i) {
-           return i >= 0 && static_cast<std::uint64_t>(i) < distinct;
-         });
-}
-
-bool ColumnReader::load_numbers(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column) {
-  column.style = entry.style;
-  if (entry.exceptions > entry.count || !spend((std::size_t{entry.count} + entry.exceptions) * sizeof(std::int64_t))) {
+  if (!ints_.take(in, count, index)) {
     return false;
   }
-  if (entry.exceptions > 0) {
-    std::vector<std::int64_t> index;
-    std::int64_t after = -1;
-    if (!ints_.take(in, entry.exceptions, column.exception_rows) ||
-        !load_distinct(in, entry.exceptions, column, index)) {
+  std::uint64_t largest = 0;
+  for (const std::int64_t i : index) {
+    largest = std::max(largest, static_cast<std::uint64_t>(i));
+  }
+  return largest < distinct;
+}
+
+bool ColumnReader::load_exceptions(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column) {
+  if (entry.exceptions == 0) {
+    return true;
+  }
+  std::vector<std::int64_t> index;
+  std::int64_t after = -1;
+  if (!ints_.take(in, entry.exceptions, column.exception_rows) || !load_distinct(in, entry.exceptions, column, index)) {
+    return false;
+  }
+  for (const std::int64_t row : column.exception_rows) {
+    if (row <= after || row >= static_cast<std::int64_t>(entry.count)) {
       return false;
     }
-    for (const std::int64_t row : column.exception_rows) {
-      if (row <= after || row >= static_cast<std::int64_t>(entry.count)) {
-        return false;
-      }
-      after = row;
-    }
-    std::vector<std::string_view> texts;
-    for (const std::int64_t i : index) {
-      texts.push_back(column.texts[static_cast<std::size_t>(i)]);
-    }
-    column.texts = std::move(texts);
+    after = row;
   }
-  return ints_.take(in, entry.count, column.values);
+  std::vector<std::string_view> texts;
+  for (const std::int64_t i : index) {
+    texts.push_back(column.texts[static_cast<std::size_t>(i)]);
+  }
+  column.texts = std::move(texts);
+  return true;
 }
 
 bool ColumnReader::load_composite(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column) {
@@ -158,21 +159,29 @@ bool ColumnReader::load_constant(std::size_t number, LoadedColumn& column) const
 }
 
 bool ColumnReader::load(const ColumnEntry& entry, LoadedColumn& column) {
+  return load(entry, column, [&](std::size_t begin, std::span<const std::int64_t> values) {
+    if (begin == 0) {
+      column.values.resize(entry.count);
+    }
+    std::copy(values.begin(), values.end(), column.values.begin() + static_cast<std::ptrdiff_t>(begin));
+  });
+}
+
+bool ColumnReader::load(const ColumnEntry& entry, LoadedColumn& column, const IntReader::UseRun& numbers) {
   if (entry.form == ColumnForm::constant) {
     return load_constant(entry.position, column);
   }
   column.form = entry.form;
+  column.style = entry.style;
   column.values.clear();
   column.exception_rows.clear();
   column.texts.clear();
   column.pieces.clear();
   column.children.clear();
   column.storage.clear();
-  if (entry.offset > block_.size() || entry.length > block_.size() - entry.offset) {
-    return false;
-  }
-  const std::string_view frame = block_.substr(entry.offset, entry.length);
-  if (static_cast<std::uint32_t>(Checksum().add_bytes(frame).value()) != entry.checksum) {
+  const std::string_view frame = block_->at(entry.offset, entry.length);
+  if (frame.size() != entry.length ||
+      static_cast<std::uint32_t>(Checksum().add_bytes(frame).value()) != entry.checksum) {
     return false;
   }
   ByteReader in(frame);
@@ -181,7 +190,9 @@ bool ColumnReader::load(const ColumnEntry& entry, LoadedColumn& column) {
     case ColumnForm::constant:
       break;
     case ColumnForm::numbers:
-      good = load_numbers(in, entry, column);
+      good = entry.exceptions <= entry.count &&
+             spend((std::size_t{entry.count} + entry.exceptions) * sizeof(std::int64_t)) &&
+             load_exceptions(in, entry, column) && ints_.take(in, entry.count, numbers);
       break;
     case ColumnForm::texts:
       good = load_distinct(in, entry.count, column, column.values);

@@ -92,7 +92,7 @@ void put_texts(std::span<const std::string_view> texts, Packer& packer, std::str
     bytes += text;
   }
   put_varint(out, bytes.size());
-  packer.append(out, bytes);
+  packer.append_text(out, bytes);
 }
 
 std::size_t EncodedColumn::bytes() const {

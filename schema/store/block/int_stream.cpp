@@ -4,22 +4,15 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <utility>
+
+#include "schema/store/block/int_layout.hpp"
 
 namespace tacho::store {
 
 namespace {
 
-/// Stored: append only, and no more fit the mask.
-enum Prediction : std::uint8_t { kNone, kPrevious, kLine, kTrend };
 constexpr auto kPredictions = std::to_array<Prediction>({kNone, kPrevious, kLine, kTrend});
-constexpr std::uint8_t kSparse = 4;
-constexpr std::uint8_t kOneByOne = 8;
-constexpr std::uint8_t kPredictionMask = 3;
-constexpr unsigned kTrendFraction = 16;
-constexpr unsigned kPlanes = 8;
-constexpr unsigned kMaxLowBits = 56;  // with any start inside a byte they fit 64 bits
 
 std::int64_t subtract(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
@@ -51,11 +44,6 @@ Residuals less_base(std::span<const std::int64_t> values) {
     left.values.push_back(static_cast<std::uint64_t>(subtract(value, base)));
   }
   return left;
-}
-
-/// Where the straight line of a trend is at row `i`, above its start.
-std::int64_t trend_at(std::size_t i, std::uint64_t slope) {
-  return static_cast<std::int64_t>(i * slope) >> kTrendFraction;
 }
 
 /// Steps between first and last value, in 2^-kTrendFraction; 0 when there is no sensible line.
@@ -252,13 +240,13 @@ void offer_planes(std::uint8_t header, const Planes& planes, const std::string& 
   };
   std::string together = start(0);
   if (planes.count > 0) {
-    packer.append(together, planes.bytes);
+    packer.append_numbers(together, planes.bytes);
   }
   smallest.offer(std::move(together));
   if (planes.count > 1) {
     std::string one_by_one = start(kOneByOne);
     for (unsigned p = 0; p < planes.count; ++p) {
-      packer.append(one_by_one, planes.at(p));
+      packer.append_numbers(one_by_one, planes.at(p));
     }
     smallest.offer(std::move(one_by_one));
   }
@@ -278,82 +266,8 @@ void offer_sparse(Prediction prediction, const Residuals& left, Packer& packer, 
     return;
   }
   std::string prefix = left.seeds;
-  packer.append(prefix, bitmap);
+  packer.append_numbers(prefix, bitmap);
   offer_planes(static_cast<std::uint8_t>(prediction | kSparse), best_cut(others), prefix, packer, smallest);
-}
-
-template <unsigned Count>
-void merge(const std::array<const char*, kPlanes>& planes, std::size_t rows, std::uint64_t* out) {
-  for (std::size_t i = 0; i < rows; ++i) {
-    std::uint64_t value = 0;
-    for (unsigned p = 0; p < Count; ++p) {
-      value |= std::uint64_t{static_cast<unsigned char>(planes[p][i])} << (8U * p);
-    }
-    out[i] = value;
-  }
-}
-
-using Merge = void (*)(const std::array<const char*, kPlanes>&, std::size_t, std::uint64_t*);
-constexpr std::array<Merge, kPlanes + 1> kMerge{merge<0>, merge<1>, merge<2>, merge<3>, merge<4>,
-                                                merge<5>, merge<6>, merge<7>, merge<8>};
-
-/// Adds low bits below what the planes gave.
-void add_low_bits(std::string_view bits, unsigned low, std::size_t rows, std::uint64_t* out) {
-  const std::uint64_t mask = (std::uint64_t{1} << low) - 1;
-  std::size_t i = 0;
-  if constexpr (std::endian::native == std::endian::little) {
-    for (; i < rows && i * low / 8 + sizeof(std::uint64_t) <= bits.size(); ++i) {
-      std::uint64_t word = 0;
-      std::memcpy(&word, bits.data() + i * low / 8, sizeof word);
-      out[i] = out[i] << low | (word >> (i * low % 8) & mask);
-    }
-  }
-  for (; i < rows; ++i) {
-    std::uint64_t word = 0;
-    for (std::size_t k = 0; k < sizeof word && i * low / 8 + k < bits.size(); ++k) {
-      word |= std::uint64_t{static_cast<unsigned char>(bits[i * low / 8 + k])} << (8 * k);
-    }
-    out[i] = out[i] << low | (word >> (i * low % 8) & mask);
-  }
-}
-
-/// Spreads `others` over the set bits; `values` has one element more than rows.
-void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, std::vector<std::int64_t>& values) {
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::uint64_t bit = std::uint64_t{static_cast<unsigned char>(bitmap[i / 8])} >> (i % 8) & 1U;
-    values[i] = static_cast<std::int64_t>(others[next] & (0 - bit));
-    next += bit;
-  }
-}
-
-void undo_base(std::uint64_t base, std::vector<std::int64_t>& values) {
-  for (std::int64_t& value : values) {
-    value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) + base);
-  }
-}
-
-void undo_trend(std::uint64_t base, std::uint64_t slope, std::vector<std::int64_t>& values) {
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    values[i] = static_cast<std::int64_t>(static_cast<std::uint64_t>(values[i]) + base +
-                                          static_cast<std::uint64_t>(trend_at(i, slope)));
-  }
-}
-
-void undo_previous(std::uint64_t seed, std::vector<std::int64_t>& values) {
-  for (std::int64_t& value : values) {
-    seed += static_cast<std::uint64_t>(unzigzag(static_cast<std::uint64_t>(value)));
-    value = static_cast<std::int64_t>(seed);
-  }
-}
-
-void undo_line(std::uint64_t seed, std::uint64_t slope, std::vector<std::int64_t>& values) {
-  seed -= slope;  // the first step brings it back
-  for (std::int64_t& value : values) {
-    slope += static_cast<std::uint64_t>(unzigzag(static_cast<std::uint64_t>(value)));
-    seed += slope;
-    value = static_cast<std::int64_t>(seed);
-  }
 }
 
 }  // namespace
@@ -390,86 +304,6 @@ void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::stri
     offer_sparse(prediction, left, packer, smallest);
   }
   out += smallest.best();
-}
-
-bool IntReader::take_planes(ByteReader& in, const Header& header, std::size_t count, std::uint64_t* out) {
-  std::array<const char*, kPlanes> plane{};
-  const std::string_view low_bits = in.take((count * header.low + 7) / 8);
-  const unsigned step = (header.flags & kOneByOne) != 0 ? 1 : header.planes;
-  for (unsigned p = 0; p < header.planes; p += step) {
-    const std::optional<std::string_view> piece = unpacker_.take(in, step * count, planes_[p]);
-    if (!piece) {
-      return false;
-    }
-    for (unsigned k = 0; k < step; ++k) {
-      plane[p + k] = piece->data() + k * count;
-    }
-  }
-  kMerge[header.planes](plane, count, out);
-  if (header.low > 0) {
-    add_low_bits(low_bits, header.low, count, out);
-  }
-  return in.good();
-}
-
-bool IntReader::take_residuals(ByteReader& in, const Header& header, std::vector<std::int64_t>& values) {
-  if ((header.flags & kSparse) == 0) {
-    dense_.resize(values.size());
-    if (!take_planes(in, header, values.size(), dense_.data())) {
-      return false;
-    }
-    std::memcpy(values.data(), dense_.data(), values.size() * sizeof(std::int64_t));
-    return true;
-  }
-  const std::optional<std::string_view> bitmap = unpacker_.take(in, (values.size() + 7) / 8, bitmap_);
-  if (!bitmap) {
-    return false;
-  }
-  std::size_t others = 0;
-  for (const char c : *bitmap) {
-    others += static_cast<std::size_t>(std::popcount(static_cast<unsigned char>(c)));
-  }
-  if (others > values.size()) {
-    return false;
-  }
-  dense_.assign(others + 1, 0);
-  if (!take_planes(in, header, others, dense_.data())) {
-    return false;
-  }
-  spread(*bitmap, dense_, values);
-  return true;
-}
-
-bool IntReader::take(ByteReader& in, std::size_t count, std::vector<std::int64_t>& values) {
-  values.resize(count);
-  if (count == 0) {
-    return true;
-  }
-  Header header;
-  header.flags = in.byte();
-  header.planes = header.flags >> 4U;
-  header.low = in.byte();
-  const auto prediction = static_cast<Prediction>(header.flags & kPredictionMask);
-  const auto seed = static_cast<std::uint64_t>(in.signed_varint());
-  const auto slope = static_cast<std::uint64_t>(prediction >= kLine ? in.signed_varint() : 0);
-  if (!in.good() || header.planes > kPlanes || header.low > kMaxLowBits || !take_residuals(in, header, values)) {
-    return false;
-  }
-  switch (prediction) {
-    case kNone:
-      undo_base(seed, values);
-      break;
-    case kPrevious:
-      undo_previous(seed, values);
-      break;
-    case kLine:
-      undo_line(seed, slope, values);
-      break;
-    case kTrend:
-      undo_trend(seed, slope, values);
-      break;
-  }
-  return true;
 }
 
 }  // namespace tacho::store

@@ -13,9 +13,13 @@
 // varints (base; first value; first value and first difference; base and slope in 2^-16), [bitmap piece], low bits,
 // pieces of the planes.
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schema/store/block/packing.hpp"
@@ -28,22 +32,32 @@ void encode_ints(std::span<const std::int64_t> values, Packer& packer, std::stri
 /// Reads integer columns; keeps its buffers from call to call. One thread per object.
 class IntReader {
  public:
-  /// Takes `count` values; memory is taken for what the bytes really hold. False: damaged.
+  /// Gets a run of values, the first of them number `begin`.
+  using UseRun = std::function<void(std::size_t begin, std::span<const std::int64_t> values)>;
+  /// No run is longer; all but the last have this length.
+  static constexpr std::size_t kRun = 512;
+
+  /// Takes `count` values, in order, and hands them on; memory is taken for what the bytes really hold. False: damaged,
+  /// and what was handed on is worth nothing.
+  [[nodiscard]] bool take(ByteReader& in, std::size_t count, const UseRun& use);
   [[nodiscard]] bool take(ByteReader& in, std::size_t count, std::vector<std::int64_t>& values);
   Unpacker& unpacker() { return unpacker_; }
 
  private:
-  struct Header {
-    std::uint8_t flags = 0;
-    unsigned planes = 0;
-    unsigned low = 0;
-  };
   Unpacker unpacker_;
+  std::vector<char> buffers_[8];
   std::vector<char> bitmap_;
-  std::vector<char> planes_[8];
-  std::vector<std::uint64_t> dense_;
-  bool take_planes(ByteReader& in, const Header& header, std::size_t count, std::uint64_t* out);
-  bool take_residuals(ByteReader& in, const Header& header, std::vector<std::int64_t>& values);
+  std::vector<std::uint64_t> others_;  ///< sparse: residuals that are not zero, and one more
+  // Of the column that is being read:
+  unsigned low_ = 0;
+  unsigned plane_count_ = 0;
+  std::array<const char*, 8> planes_{};
+  std::string_view low_bits_;
+  std::string_view bits_;  ///< sparse: which residuals are not zero
+
+  bool take_planes(ByteReader& in, unsigned planes, bool one_by_one, std::size_t count);
+  bool take_sparse(ByteReader& in, unsigned planes, bool one_by_one, std::size_t count);
+  void residuals(std::size_t begin, std::span<std::uint64_t> out) const;
 };
 
 }  // namespace tacho::store

@@ -22,14 +22,18 @@ inline constexpr std::size_t kMaxPieceBytes = std::size_t{128} << 20U;
 
 class Packer {
  public:
-  /// `level`: zstd level, 1 to 19.
+  /// `level`: zstd level of texts, 1 to 19.
   explicit Packer(int level);
   /// Appends `bytes` as a piece.
-  void append(std::string& out, std::string_view bytes);
+  void append_text(std::string& out, std::string_view bytes) { append(*texts_, out, bytes); }
+  void append_numbers(std::string& out, std::string_view bytes) { append(*numbers_, out, bytes); }
 
  private:
-  std::unique_ptr<ZSTD_CCtx_s, FreeEncoder> context_;
+  std::unique_ptr<ZSTD_CCtx_s, FreeEncoder> texts_;
+  std::unique_ptr<ZSTD_CCtx_s, FreeEncoder> numbers_;
   std::string frame_;
+
+  void append(ZSTD_CCtx_s& context, std::string& out, std::string_view bytes);
 };
 
 class Unpacker {
