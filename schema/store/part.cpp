@@ -28,7 +28,7 @@ constexpr std::string_view kUnfinished = ".unfinished-";
 // A commit a second writes few hot rows, and each page it touches anew: 1024 writes 0.92 GB per robot-day, 2048 1.12,
 // 4096 1.45. Whole blocks are read 27 % slower from 1024 than from 4096 (mapped; 44 % without mmap), and one file must
 // hold both so that moving rows into blocks is one transaction.
-constexpr const char* kPageSize = "2048";
+constexpr const char* kPageSize = "1024";
 
 /// Runs `work`; what the file system refuses becomes an Error.
 template <class Work>

@@ -334,7 +334,7 @@ TEST_CASE("a part says what it is made of: pragmas, field table, code lists") {
   const fs::path part = part_files(dir.path())[0];
   CHECK(sql_text(part, "PRAGMA application_id") == std::to_string(store::kApplicationId));
   CHECK(sql_text(part, "PRAGMA user_version") == std::to_string(store::kSchemaVersion));
-  CHECK(sql_text(part, "PRAGMA page_size") == "4096");
+  CHECK(sql_text(part, "PRAGMA page_size") == "1024");
   CHECK(sql_text(part, "SELECT count(*) FROM field") == std::to_string(kFieldCount));
   CHECK(sql_text(part, "SELECT unit FROM field WHERE name = 'battery_temp'") ==
         std::string(field_at(field("battery_temp")).unit));
