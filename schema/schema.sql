@@ -106,7 +106,7 @@ CREATE TABLE unknown_key (
   PRIMARY KEY (robot, source, key)
 ) STRICT, WITHOUT ROWID;
 
--- what a closed part had in its small tables; empty while the part is written
+-- what the small tables have; of a closed part also how many other rows
 CREATE TABLE seal (
   name TEXT PRIMARY KEY,                   -- of the table; 'field names', 'code names': of the columns that opening a log needs
   rows INTEGER NOT NULL,                   -- how many it has
