@@ -271,7 +271,8 @@ std::string Tail::event_line(const Robot& robot, const Event& event) const {
         event.t_us, event_kind_name(event.kind), json_string(event.subject), json_string(event.old_value),
         json_string(event.new_value), json_string(event.detail));
   }
-  std::string text = fmt::format("{} {} EVENT {}", iso_utc(event.t_us), robot.name, event_kind_name(event.kind));
+  std::string text = fmt::format("{} {} {} EVENT {}", iso_utc(event.t_us), robot.name,
+                                 robot.id == 0 ? "-" : source_name(event.source), event_kind_name(event.kind));
   text += event.subject.empty() ? "" : " " + event.subject;
   if (!event.old_value.empty() || !event.new_value.empty()) {
     text += fmt::format(" {} -> {}", event.old_value.empty() ? "?" : event.old_value, event.new_value);

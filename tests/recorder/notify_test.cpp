@@ -2,22 +2,18 @@
 
 #include "recorder/notify.hpp"
 
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <unistd.h>
-
+#include <atomic>
 #include <cstdlib>
-#include <cstring>
 
 #include "recorder/clock.hpp"
 #include "recorder/health.hpp"
 #include "schema/time.hpp"
 #include "tests/recorder/notify_socket.hpp"
-#include "tests/support/catch.hpp"
+#include "tests/recorder/recording.hpp"
 
 using namespace tacho;
 using namespace tacho::recorder;
-using tacho::recorder::test::NotifySocket;
+using namespace tacho::recorder::test;
 
 namespace {
 
@@ -33,7 +29,83 @@ class Variable {
   const char* name_;
 };
 
+/// A robot that lets a poll wait until it is told to answer.
+class HangingLink final : public Link {
+ public:
+  explicit HangingLink(const std::atomic<bool>& hang) : hang_(hang) {}
+  PollResult poll(Source, std::chrono::milliseconds) override {
+    while (hang_) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return {};
+  }
+  [[nodiscard]] bool connected() const override { return true; }
+  void close() override {}
+  void interrupt() override {}
+
+ private:
+  const std::atomic<bool>& hang_;
+};
+
+Micros busy_us(const Recorder& recorder, const std::string& who) {
+  for (const Beat& beat : recorder.beats()) {
+    if (beat.who == who) {
+      return beat.busy_us;
+    }
+  }
+  return -1;
+}
+
+/// Waits until a step has taken 30 ms, which none of a well thread does for ever.
+void wait_hanging(const Recorder& recorder, const std::string& who) {
+  for (Micros last = 0; last < 30'000;) {
+    const Micros now = busy_us(recorder, who);
+    REQUIRE(now >= 0);
+    last = std::max(last, now);
+  }
+}
+
+void wait_well(const Recorder& recorder, const std::string& who) {
+  while (busy_us(recorder, who) > 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+Config one_robot(const tacho::test::TempDir& dir) {
+  Config config = config_for(dir / "log", {{closed_port(), closed_port()}});
+  config.robots[0].settings.period_us = {20'000, 0, 0, 0};
+  return config;
+}
+
 }  // namespace
+
+TEST_CASE("a writer that does not come back from one row is seen, and so is that it has come back") {
+  const tacho::test::TempDir dir;
+  std::atomic<bool> hang{true};
+  Recorder::Options options;
+  options.notice = [&hang](const std::string&) {  // called by the writer: the link is lost
+    while (hang) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  };
+  Recorder recorder(one_robot(dir), std::move(options));
+  wait_hanging(recorder, "the writer");
+  hang = false;
+  wait_well(recorder, "the writer");
+  recorder.finish();
+}
+
+TEST_CASE("a poller that does not come back from one poll is seen, and so is that it has come back") {
+  const tacho::test::TempDir dir;
+  std::atomic<bool> hang{true};
+  Recorder::Options options;
+  options.make = [&hang](const RobotConfig&, Protocol) { return std::make_unique<HangingLink>(hang); };
+  Recorder recorder(one_robot(dir), std::move(options));
+  wait_hanging(recorder, "r1: status port");
+  hang = false;
+  wait_well(recorder, "r1: status port");
+  recorder.finish();
+}
 
 TEST_CASE("the service manager hears readiness, status, reload and end as sd_notify(3) writes them") {
   NotifySocket socket;
