@@ -113,7 +113,7 @@ TEST_CASE("SIGHUP loads the configuration again, keeps unchanged robots going, a
   INFO(outcome.err);
   CHECK(outcome.code == 0);
   CHECK(has(outcome.err, "reload: 1 robot kept, added: robot2\n"));
-  CHECK(has(outcome.err, "site.toml:2: unknown key 'comit'; did you mean 'commit'?"));
+  CHECK(has(outcome.err, "site.toml:2:1: unknown key 'comit'; did you mean 'commit'?"));
   CHECK(has(outcome.err, "nothing changed\n"));
   const std::vector<std::filesystem::path> logs{site.log};
   const auto log = open_log(logs);
