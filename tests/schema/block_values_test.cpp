@@ -220,7 +220,8 @@ TEST_CASE("a column is read without the bytes of the others, and short ones with
   for (int row = 0; row < 600; ++row) {
     std::string body = "{";
     for (int noise = 0; noise < 10; ++noise) {
-      body += "\"a" + std::to_string(noise) + "\":0." + std::to_string(100'000'000'000'001 + random() % 400'000'000'000'000 * 2) + ",";
+      body += "\"a" + std::to_string(noise) + "\":0." +
+              std::to_string(100'000'000'000'001 + random() % 400'000'000'000'000 * 2) + ",";
     }
     bodies.push_back(body + "\"short\":" + std::to_string(row / 7) + "}");
   }
