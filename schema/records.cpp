@@ -1,6 +1,10 @@
 #include "schema/records.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
+
+#include "schema/time.hpp"
 
 namespace tacho {
 
@@ -59,6 +63,21 @@ bool parse_word_order(std::string_view name, WordOrder& out) {
 std::string_view cause_name(Cause cause) { return kCauses[static_cast<std::size_t>(cause)].name; }
 std::string_view cause_meaning(Cause cause) { return kCauses[static_cast<std::size_t>(cause)].meaning; }
 std::string_view event_kind_name(EventKind kind) { return kEventKinds[static_cast<std::size_t>(kind)]; }
+
+std::string rate_text(Micros period_us) {
+  if (period_us <= 0) {
+    return "off";
+  }
+  if (period_us % 1'000 != 0) {
+    return fmt::format("{} us", period_us);
+  }
+  if (period_us < 1'000'000 || period_us % 100'000 != 0) {
+    return fmt::format("{} ms", period_us / 1'000);
+  }
+  return fmt::format("{}.{} s", period_us / 1'000'000, period_us % 1'000'000 / 100'000);
+}
+
+std::optional<Micros> parse_rate(std::string_view text) { return text == "off" ? 0 : parse_duration(text); }
 
 void Rollup::add(const Rollup& later) {
   rows += later.rows;

@@ -124,6 +124,9 @@ enum class EventKind : std::uint8_t {
 };
 inline constexpr std::size_t kEventKindCount = 30;
 std::string_view event_kind_name(EventKind kind);
+/// Values of an event `rate`, exactly: "off" (0), "200 ms", "1.0 s". The other way round; empty when it is none.
+std::string rate_text(Micros period_us);
+std::optional<Micros> parse_rate(std::string_view text);
 
 /// An edge seen between two polls: it happened in (t_from_us, t_us]. For things without a previous poll both are equal.
 struct Event {

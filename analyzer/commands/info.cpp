@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "schema/time.hpp"
+#include "schema/wire/requests.hpp"
 
 namespace tacho::commands {
 namespace {
@@ -232,6 +233,8 @@ bool expected(const Field& field, Source source) {
       return field.reg.present() && !field.reg.discrete;
     case Source::inputs:
       return field.reg.discrete;
+    case Source::pose:
+      return std::find(wire::kPoseKeys.begin(), wire::kPoseKeys.end(), field.json.key) != wire::kPoseKeys.end();
   }
   return false;
 }

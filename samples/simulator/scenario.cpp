@@ -72,6 +72,7 @@ const std::vector<Key<Scenario>>& keys(const Scenario*) {
       {"word_order", &Scenario::word_order},
       {"registers_rounded", &Scenario::registers_rounded},
       {"battery_fields", &Scenario::battery_fields},
+      {"ignores_keys", &Scenario::ignores_keys},
       {"clock_offset_s", &Scenario::clock_offset_s, -1e9, 1e9},
       {"ip", &Scenario::ip},
       {"modbus_unit", &Scenario::modbus_unit, -1, 247},

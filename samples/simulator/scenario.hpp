@@ -80,6 +80,7 @@ struct Scenario {
   WordOrder word_order = WordOrder::cdab;
   bool registers_rounded = true;  ///< floats of registers: as the JSON answer prints them; false: noise in every bit
   bool battery_fields = true;     ///< false: the answer has no battery_* keys and zero registers
+  bool ignores_keys = false;      ///< 1100 with `keys` is answered with everything
   double clock_offset_s = 0.0;    ///< robot clock minus true time
   std::string ip = "127.0.0.1";   ///< what the robot says its address is
   int modbus_unit = 1;            ///< requests for another unit get no answer; -1 = any

@@ -59,4 +59,15 @@ std::string status_request_body(const StatusRequest& request) {
   return body.empty() ? body : body + "}";
 }
 
+std::string pose_request_body() {
+  StatusRequest request;
+  request.keys.assign(kPoseKeys.begin(), kPoseKeys.end());
+  return status_request_body(request);
+}
+
+bool ignores_keys(std::string_view body, std::size_t asked) {
+  constexpr std::size_t kUsualExtras = 10;
+  return count_members(body) > asked + kUsualExtras;
+}
+
 }  // namespace tacho::wire

@@ -1,9 +1,12 @@
 #pragma once
 // The only requests that exist: 1100 and 1013 on the status port. (Modbus: FC4 and FC2, in recorder/link.)
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace tacho::wire {
@@ -20,5 +23,16 @@ struct StatusRequest {
 
 /// Body of request 1100: compact JSON in the key order of the vendor's document.
 std::string status_request_body(const StatusRequest& request);
+
+/// What source `pose` asks 1100 for: where the robot is and how it moves. Nothing of it is an edge that makes an event,
+/// so that the fast poll does not tell everything twice.
+inline constexpr std::array<std::string_view, 8> kPoseKeys{"x", "y", "angle", "confidence", "vx", "vy", "w", "odo"};
+std::string pose_request_body();
+
+/// Members of the object that the body is; 0 when it is none.
+std::size_t count_members(std::string_view body);
+/// The controller sent the whole answer although only `asked` keys were asked for. A few more are no sign of it:
+/// create_on, ret_code and whatever a firmware adds to every answer.
+bool ignores_keys(std::string_view body, std::size_t asked);
 
 }  // namespace tacho::wire
