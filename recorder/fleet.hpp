@@ -56,7 +56,8 @@ class Fleet {
     std::string robot;
     RobotId id = 0;
     Source source = Source::status;
-    Micros period_us = 0;  ///< 0: nobody asks any more
+    Micros period_us = 0;       ///< in force; 0: nobody asks any more
+    Micros last_period_us = 0;  ///< of a stream that nobody asks any more
     std::uint64_t planned = 0;
     std::array<std::uint64_t, kCauseCount> missed{};
   };
@@ -80,9 +81,11 @@ class Fleet {
   struct Crew {
     std::string robot;
     RobotId id = 0;
+    std::unique_ptr<RobotWatch> watch;  // null: rates do not vary
     std::vector<std::unique_ptr<Station>> stations;
   };
-  std::unique_ptr<Station> make_station(const RobotConfig& robot, RobotId id, std::size_t index, Protocol protocol);
+  std::unique_ptr<Station> make_station(const RobotConfig& robot, const Crew& crew, std::size_t index,
+                                        Protocol protocol);
   void run(Station& station, Micros start_us);
   [[nodiscard]] StreamCounts counts_of(const Crew& crew, const Poller& poller, std::size_t lane) const;
 

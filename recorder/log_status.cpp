@@ -37,14 +37,15 @@ std::optional<Config> config_in_force(RowSource& log, const Session& session) {
   }
 }
 
-/// How often a stream of the session is asked now.
+/// How often a stream of the session is asked now; where that depends on the robot, the longest it may take, until an
+/// event tells more.
 Micros period_of(const std::optional<Config>& config, const std::string& robot, const Stream& stream) {
   if (!config) {
     return stream.period_us;
   }
   const auto found = std::find_if(config->robots.begin(), config->robots.end(),
                                   [&](const RobotConfig& one) { return one.name == robot; });
-  return found == config->robots.end() ? 0 : found->settings.period(stream.source);
+  return found == config->robots.end() ? 0 : found->settings.rates(stream.source).slowest();
 }
 
 /// Sources of one connection go up and down together; the event names one of them.
@@ -52,15 +53,24 @@ void note_link(const Event& event, std::map<Source, StreamStatus*>& streams) {
   if (event.kind != EventKind::link_up && event.kind != EventKind::link_down) {
     return;
   }
-  const auto of_status_port = [](Source source) { return source == Source::status || source == Source::io; };
   for (const auto& [source, stream] : streams) {
-    if (of_status_port(source) == of_status_port(event.source)) {
+    if (source_info(source).protocol == source_info(event.source).protocol) {
       stream->lost = event.kind == EventKind::link_up ? "" : event.new_value;
     }
   }
 }
 
-void read_recent(RowSource& log, RobotId robot, Micros newest_us, std::map<Source, StreamStatus*>& streams) {
+void note_rate(const Event& event, SessionId session, std::map<Source, StreamStatus*>& streams) {
+  const auto stream = streams.find(event.source);
+  if (event.kind == EventKind::rate && event.session == session && stream != streams.end()) {
+    stream->second->period_us = parse_rate(event.new_value).value_or(stream->second->period_us);
+  }
+}
+
+/// `session`: the one that is looked at.
+void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros newest_us,
+                 std::map<Source, StreamStatus*>& streams) {
+  const auto [robot, session] = of;
   Selection times;
   for (const auto& [source, stream] : streams) {
     times.rows[static_cast<std::size_t>(source)] = true;
@@ -87,6 +97,7 @@ void read_recent(RowSource& log, RobotId robot, Micros newest_us, std::map<Sourc
     }
     for (const Event& event : slice.events) {
       note_link(event, streams);
+      note_rate(event, session, streams);
     }
   });
 }
@@ -199,7 +210,7 @@ LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
     for (const std::size_t row : rows) {
       streams[out.streams[row].source] = &out.streams[row];
     }
-    read_recent(*log, robot, out.newest_us, streams);
+    read_recent(*log, {robot, out.session.id}, out.newest_us, streams);
   }
   for (StreamStatus& stream : out.streams) {
     const Micros commit_us = config ? config->commit_us : 0;

@@ -16,9 +16,7 @@ namespace {
 constexpr int kAnswersBeforeIoNotice = 5;
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
-std::string_view connection_name(Source source) {
-  return source == Source::status || source == Source::io ? "status port" : "modbus";
-}
+std::string_view connection_name(Source source) { return protocol_name(source_info(source).protocol); }
 
 }  // namespace
 
@@ -248,6 +246,11 @@ void LogThread::tell(const Event& event) {
     case EventKind::client_limit:
     case EventKind::no_sequence_echo:
       options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      break;
+    case EventKind::rate:
+      if (parse_rate(event.new_value) == 0) {
+        options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      }
       break;
     case EventKind::word_order:
       options_.notice(fmt::format("{}: word order {}: {}", robot, event.new_value, event.detail));

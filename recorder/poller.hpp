@@ -14,6 +14,8 @@
 #include "recorder/clock.hpp"
 #include "recorder/gap_tracker.hpp"
 #include "recorder/link/link.hpp"
+#include "recorder/rates.hpp"
+#include "recorder/robot_watch.hpp"
 #include "recorder/schedule.hpp"
 
 namespace tacho::recorder {
@@ -31,8 +33,8 @@ class Sink {
 
 struct PolledSource {
   Source source = Source::status;
-  Micros period_us = 1'000'000;
-  Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than the period
+  Rates rates = 1'000'000;
+  Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than a period
   std::uint64_t first_seq = 0;  ///< number of the first poll: the stream goes on from an earlier poller
 };
 
@@ -45,12 +47,15 @@ struct PollerOptions {
   Micros backoff_min_us = 200'000;
   Micros backoff_max_us = 5'000'000;
   Micros gap_flush_us = 60'000'000;
+  WordOrder word_order = WordOrder::cdab;  ///< until the link finds another
+  RobotWatch* watch = nullptr;             ///< must outlive the poller; null: rates do not vary
 };
 
 /// Counters of one source; written by the poller, readable from any thread.
 struct SourceCounters {
   std::atomic<std::uint64_t> planned{0};  ///< by the schedule; final when run() has returned
   std::atomic<std::uint64_t> stored{0};
+  std::atomic<Micros> period_us{0};  ///< in force; 0: the source was given up
   std::array<std::atomic<std::uint64_t>, kCauseCount> missed{};
   [[nodiscard]] std::uint64_t missed_total() const;
 };
@@ -77,6 +82,7 @@ class Poller {
     std::optional<Schedule> schedule;
     std::optional<GapTracker> gaps;
     SourceCounters counters;
+    bool given_up = false;
   };
   struct Outage {
     Cause cause = Cause::timeout;
@@ -85,7 +91,10 @@ class Poller {
     Micros backoff_us = 0;
   };
 
-  Lane& next_lane();
+  Lane* next_lane();
+  void adapt();
+  void give_up(Lane& lane, const std::string& why);
+  void emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const std::string& subject, const std::string& why);
   void serve(Lane& lane, Micros now_us);
   void poll(Lane& lane);
   void store(Lane& lane, std::uint64_t seq, PollResult result);

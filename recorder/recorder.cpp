@@ -36,17 +36,17 @@ Stream stream_of(const RobotConfig& robot, SessionId session, RobotId id, Source
   stream.session = session;
   stream.robot = id;
   stream.source = source;
-  stream.period_us = robot.settings.period(source);
+  stream.period_us = robot.settings.rates(source).fastest();
   stream.word_order = robot.settings.modbus.word_order.value_or(WordOrder::cdab);
   if (source == Source::status) {
     stream.request = wire::status_request_body(robot.settings.status.request);
-  } else if (source != Source::io) {
+  } else if (source == Source::pose) {
+    stream.request = wire::pose_request_body();
+  } else if (source_info(source).protocol == Protocol::modbus) {
     stream.request = wire::to_text(RegisterPlan(source == Source::inputs).ranges());
   }
   return stream;
 }
-
-std::string period_text(Micros period) { return period == 0 ? "off" : duration_text(period); }
 
 }  // namespace
 
@@ -156,12 +156,12 @@ struct Recorder::Impl {
     const auto counts = fleet->streams();
     const LogThread::Numbers numbers = log->numbers();
     for (std::size_t s = 0; s < kSourceCount; ++s) {
-      const Micros was = before == nullptr ? 0 : before->period_us[s];
-      const Micros is = now == nullptr ? 0 : now->period_us[s];
       const auto source = static_cast<Source>(s);
       const auto known =
           std::find_if(counts.begin(), counts.end(), [&](const auto& c) { return c.id == id && c.source == source; });
       const std::uint64_t seq = known == counts.end() ? 0 : known->planned;
+      const Micros was = before == nullptr || known == counts.end() ? 0 : known->last_period_us;
+      const Micros is = now == nullptr ? 0 : now->rates(source).fastest();
       const auto heard = numbers.streams.find({id, source});
       if (was != is) {
         log->event(rate_event(id, source, seq, {was, is}));
@@ -180,8 +180,8 @@ struct Recorder::Impl {
     event.kind = EventKind::rate;
     event.seq = seq;
     event.t_us = event.t_from_us = wall_now_us();
-    event.old_value = period_text(period.first);
-    event.new_value = period_text(period.second);
+    event.old_value = rate_text(period.first);
+    event.new_value = rate_text(period.second);
     event.detail = "the configuration was changed";
     return event;
   }

@@ -1,5 +1,5 @@
 #pragma once
-// The Robokit status port (19204): requests 1100 and 1013, nothing else.
+// The Robokit status port (19204): requests 1100 (whole, or its pose alone) and 1013, nothing else.
 //
 // One connection, held. An answer is taken only when it is a frame of the expected type with the sequence number of the
 // request; any other frame closes the connection, and so does a timeout (an error frame with the right number does not:
@@ -28,7 +28,8 @@ class TcpLink final : public Link {
  public:
   explicit TcpLink(TcpLinkOptions options);
 
-  /// `source`: status or io.
+  /// `source`: status, io or pose. A controller that answers pose with everything it knows is not asked for it again:
+  /// PollResult::give_up.
   PollResult poll(Source source, std::chrono::milliseconds timeout) override;
   [[nodiscard]] bool connected() const override { return socket_.connected(); }
   void close() override;
@@ -44,6 +45,7 @@ class TcpLink final : public Link {
   Outcome ready(Micros deadline_us);
   Outcome send(std::string_view bytes, Micros deadline_us);
   Outcome receive(wire::Frame& frame, Micros deadline_us);
+  [[nodiscard]] std::string_view body_of(Source source) const;
   void judge(const wire::Frame& frame, bool first, Source source, PollResult& result);
   void judge_sequence(const wire::Frame& frame, bool first, PollResult& result);
   void note_error(const wire::Frame& frame, Source source, EventKind kind, PollResult& result);
