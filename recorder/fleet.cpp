@@ -70,6 +70,9 @@ std::unique_ptr<Fleet::Station> Fleet::make_station(const RobotConfig& robot, co
   out.robot = crew.id;
   out.session = options_.session;
   out.watch = crew.watch.get();
+  if (options_.stranger) {
+    out.stranger = [this, id = crew.id](const Identity& other) { options_.stranger(id, other); };
+  }
   out.word_order = robot.settings.modbus.word_order.value_or(WordOrder::cdab);
   const bool modbus = protocol == Protocol::modbus;
   out.sources = polled(robot, index, protocol);
@@ -95,18 +98,18 @@ void Fleet::run(Station& station, Micros start_us) {
   --running_;
 }
 
-void Fleet::start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us) {
+void Fleet::start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us) {
   auto crew = std::make_unique<Crew>();
-  crew->robot = robot.name;
-  crew->id = id;
-  if (robot.settings.rates_vary()) {
-    RobotWatch::Options watch;
-    watch.stale_us = std::max(watch.stale_us, 3 * robot.settings.slowest_us());
-    crew->watch = std::make_unique<RobotWatch>(watch);
-    crew->watch->on_faster([&crew = *crew] {
-      std::for_each(crew.stations.begin(), crew.stations.end(), [](const auto& station) { station->clock.wake(); });
-    });
-  }
+  crew->robot = row.name;
+  crew->id = row.id;
+  RobotWatch::Options watch;
+  watch.identity = row.identity;
+  watch.rates_vary = robot.settings.rates_vary();
+  watch.stale_us = std::max(watch.stale_us, 3 * robot.settings.slowest_us());
+  crew->watch = std::make_unique<RobotWatch>(std::move(watch), reader_);
+  crew->watch->on_faster([&crew = *crew] {
+    std::for_each(crew.stations.begin(), crew.stations.end(), [](const auto& station) { station->clock.wake(); });
+  });
   for (const Protocol protocol : kConnections) {
     if (auto station = make_station(robot, *crew, index, protocol)) {
       crew->stations.push_back(std::move(station));
@@ -120,10 +123,10 @@ void Fleet::start(const RobotConfig& robot, RobotId id, std::size_t index, Micro
   crews_.push_back(std::move(crew));
 }
 
-void Fleet::retire(const std::string& robot) {
-  const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->robot == robot; });
+Identity Fleet::retire(RobotId row) {
+  const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->id == row; });
   if (found == crews_.end()) {
-    return;
+    return {};
   }
   for (const auto& station : (*found)->stations) {
     station->stop();
@@ -139,7 +142,9 @@ void Fleet::retire(const std::string& robot) {
       ended_[{counts.id, counts.source}] = std::move(counts);
     }
   }
+  Identity identity = (*found)->watch->identity();
   crews_.erase(found);
+  return identity;
 }
 
 void Fleet::stop() {

@@ -33,6 +33,15 @@ class Fleet {
     LinkFactory make = make_link;
     SessionId session = 0;
     Micros end_us = 0;  ///< monotonic; no poll is due later
+    /// Where this row of the log was asked another robot answers. From the thread of a poller, which counts as running
+    /// until it returns: it must not wait for the fleet.
+    std::function<void(RobotId row, const Identity& other)> stranger;
+  };
+  /// The robot of the log that is recorded.
+  struct Row {
+    RobotId id = 0;
+    std::string name;   ///< in the log; differs from the configured one when another robot was found there
+    Identity identity;  ///< as far as it is known
   };
   /// `sink` must outlive it.
   Fleet(Options options, Sink& sink) : options_(std::move(options)), sink_(sink) {}
@@ -42,9 +51,9 @@ class Fleet {
 
   /// Polls are due from `start_us` (monotonic) on. `index`: place in the configuration; keeps the first polls of robots
   /// apart.
-  void start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us);
-  /// Ends the polling of one robot; returns when its last row is in the sink.
-  void retire(const std::string& robot);
+  void start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us);
+  /// Ends the polling of one robot; returns when its last row is in the sink. Its identity, as it is known now.
+  Identity retire(RobotId row);
   /// Ends all polling; does not wait.
   void stop();
   void join();
@@ -79,9 +88,9 @@ class Fleet {
     void stop();
   };
   struct Crew {
-    std::string robot;
+    std::string robot;  // as the log names it
     RobotId id = 0;
-    std::unique_ptr<RobotWatch> watch;  // null: rates do not vary
+    std::unique_ptr<RobotWatch> watch;
     std::vector<std::unique_ptr<Station>> stations;
   };
   std::unique_ptr<Station> make_station(const RobotConfig& robot, const Crew& crew, std::size_t index,
@@ -91,6 +100,7 @@ class Fleet {
 
   const Options options_;
   Sink& sink_;
+  AnswerReader reader_;
   std::atomic<std::size_t> running_{0};
   mutable std::mutex mutex_;  // the two below
   std::vector<std::unique_ptr<Crew>> crews_;

@@ -26,9 +26,9 @@ LogThread::LogThread(store::LogWriter& writer, Ingest& ingest, Options options)
       options_(std::move(options)),
       queue_(options_.queue_items, options_.queue_bytes) {}
 
-void LogThread::watch(RobotId robot, const RobotConfig& config) {
+void LogThread::watch(RobotId robot, const std::string& name, const RobotConfig& config) {
   const bool expects_io = config.settings.period(Source::io) == 0 && config.settings.status.request.keys.empty();
-  watched_[robot] = Watched{config.name, expects_io, 0};
+  watched_[robot] = Watched{name, expects_io, 0};
   const std::lock_guard lock(numbers_mutex_);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (config.settings.period_us[s] > 0) {
@@ -246,6 +246,10 @@ void LogThread::tell(const Event& event) {
     case EventKind::client_limit:
     case EventKind::no_sequence_echo:
       options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      break;
+    case EventKind::identity_changed:
+      options_.notice(
+          fmt::format("{}: {}: it was {}, the other is {}", robot, event.detail, event.old_value, event.new_value));
       break;
     case EventKind::rate:
       if (parse_rate(event.new_value) == 0) {

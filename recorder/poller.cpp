@@ -1,5 +1,7 @@
 #include "recorder/poller.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -65,9 +67,16 @@ void Poller::run(Micros start_us, Micros end_us) {
     // Late at the end, polls that would be due after it are not part of the plan.
     serve(*lane, std::min(clock_.mono_us(), end_us - 1));
     flush_old_gaps();
+    if (stranger_) {
+      break;
+    }
   }
-  finish(std::min(end_us, clock_.stopped_at().value_or(end_us)));
+  const Micros stopped_us = stranger_ ? clock_.mono_us() : clock_.stopped_at().value_or(end_us);
+  finish(std::min(end_us, stopped_us));
   link_->close();
+  if (stranger_ && options_.stranger) {
+    options_.stranger(*stranger_);
+  }
 }
 
 /// Polls that are due later than now follow what the robot is doing.
@@ -154,7 +163,11 @@ void Poller::store(Lane& lane, std::uint64_t seq, PollResult result) {
   answer.body = std::move(result.body);
   answer.header = std::move(result.header);
   if (options_.watch != nullptr) {
-    options_.watch->look(answer, options_.word_order, clock_.mono_us());
+    stranger_ = options_.watch->look(answer, options_.word_order, clock_.mono_us());
+  }
+  if (stranger_) {
+    miss(lane, 1, Cause::other_robot, fmt::format("answered by {}", stranger_->text()));
+    return;
   }
   if (!sink_.answer(std::move(answer), lane.gaps->ended_by(result.t_send_us))) {
     miss(lane, 1, Cause::queue_full, "the writer's queue is full; is the disk too slow?");

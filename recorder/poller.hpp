@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -48,7 +49,9 @@ struct PollerOptions {
   Micros backoff_max_us = 5'000'000;
   Micros gap_flush_us = 60'000'000;
   WordOrder word_order = WordOrder::cdab;  ///< until the link finds another
-  RobotWatch* watch = nullptr;             ///< must outlive the poller; null: rates do not vary
+  RobotWatch* watch = nullptr;             ///< must outlive the poller; null: answers are not looked at
+  /// Another robot has answered: called once, from the poller's thread, which polls no more.
+  std::function<void(const Identity&)> stranger;
 };
 
 /// Counters of one source; written by the poller, readable from any thread.
@@ -114,6 +117,7 @@ class Poller {
   std::atomic<bool> up_{false};
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too
   Micros not_before_us_ = 0;
+  std::optional<Identity> stranger_;
 };
 
 }  // namespace tacho::recorder

@@ -4,13 +4,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <ctime>
+#include <mutex>
 #include <set>
 #include <utility>
 
+#include "recorder/identity.hpp"
 #include "recorder/link/register_plan.hpp"
 #include "recorder/log_thread.hpp"
 #include "recorder/reload.hpp"
+#include "recorder/roster.hpp"
+#include "recorder/steward.hpp"
 #include "schema/log.hpp"
 #include "schema/time.hpp"
 
@@ -58,9 +63,12 @@ struct Recorder::Impl {
   std::set<std::pair<RobotId, Source>> declared;
   Session session;
   std::vector<std::string> outlook;
-  std::map<std::string, RobotId> ids;
+  std::mutex control;  // of whoever starts and retires robots; the next one is his
+  Roster roster;
   std::unique_ptr<LogThread> log;
   std::unique_ptr<Fleet> fleet;
+  std::atomic<bool> stopping{false};
+  std::unique_ptr<Steward> steward;
 
   Impl(const Config& c, Options o)
       : config(c), options(with_notice(std::move(o))), writer(config.log, writer_options()), ingest(writer) {}
@@ -94,17 +102,24 @@ struct Recorder::Impl {
     log = std::make_unique<LogThread>(writer, ingest, std::move(out));
   }
 
-  /// Makes robot and streams known to the log.
-  void enter(const RobotConfig& robot) {
-    const RobotId id = writer.robot(robot.name, robot.address());
+  /// Makes the row of a robot and its streams known to the log. `identity`: what is known of the row.
+  Roster::Row enter(const RobotConfig& robot, const std::string& row, const Identity& identity) {
+    const RobotId id = writer.robot(row, robot.address());
     for (std::size_t s = 0; s < kSourceCount; ++s) {
       const auto source = static_cast<Source>(s);
       if (robot.settings.period(source) > 0 && declared.emplace(id, source).second) {
         ingest.declare(stream_of(robot, session.id, id, source));
       }
     }
-    log->watch(id, robot);
-    ids[robot.name] = id;
+    log->watch(id, row, robot);
+    return {id, row, identity};
+  }
+  /// The row that is recorded for it, or that of its name.
+  void enter(const RobotConfig& robot) {
+    const Roster::Row* const row = roster.find(robot.name);
+    const Roster::Place place =
+        row == nullptr ? roster.first_place(robot.name) : Roster::Place{row->name, row->identity, false};
+    roster.assign(robot.name, enter(robot, place.name, place.identity));
   }
 
   void begin() {
@@ -118,6 +133,19 @@ struct Recorder::Impl {
     }
     writer.add(ClockPoint{0, session.id, wall_now_us(), mono_now_us(), std::nullopt});
     writer.commit();  // from here on a kill leaves a session that can be closed
+    remember_identities();
+  }
+
+  /// Who the robots of the log said they were.
+  void remember_identities() {
+    try {
+      const std::vector<std::filesystem::path> logs{config.log};
+      for (const Robot& robot : open_log(logs)->robots()) {
+        roster.know({robot.id, robot.name, identity_of(robot)});
+      }
+    } catch (const Error& error) {
+      options.notice(fmt::format("{}; robots are taken for those they were found as", error.what()));
+    }
   }
 
   void start() {
@@ -126,11 +154,74 @@ struct Recorder::Impl {
     out.session = session.id;
     const Micros start_us = mono_now_us();
     out.end_us = start_us + options.run_for_us.value_or(kForever);
+    out.stranger = [this](RobotId row, const Identity& other) {
+      steward->add([this, row, other, configured = std::string()](bool last) mutable {
+        return follow(row, other, last, configured);
+      });
+    };
     fleet = std::make_unique<Fleet>(std::move(out), *log);
+    steward = std::make_unique<Steward>();
     log->start();
+    const std::lock_guard lock(control);
     for (std::size_t i = 0; i < config.robots.size(); ++i) {
-      fleet->start(config.robots[i], ids.at(config.robots[i].name), i, start_us);
+      fleet->start(config.robots[i], *roster.find(config.robots[i].name), i, start_us);
     }
+  }
+
+  /// Another robot answers where this row was asked: its polls end, and those of the other begin. False: the other one
+  /// is recorded for another configured robot, which may just not have noticed yet. `configured`: for whom the row was
+  /// recorded; found at the first try.
+  bool follow(RobotId row, const Identity& other, bool last, std::string& configured) {
+    try {
+      const std::lock_guard lock(control);
+      configured = configured.empty() ? roster.recorded_for(row) : configured;
+      const RobotConfig* const robot = find(configured);
+      if (stopping || robot == nullptr) {
+        return true;
+      }
+      const RobotId now = roster.find(configured)->id;  // another one after a reload between two tries
+      roster.learn(now, fleet->retire(now));
+      roster.leave(configured);
+      const Roster::Place place = roster.place(configured, other);
+      if (place.taken && !last) {
+        return false;
+      }
+      replace(*robot, place.taken ? roster.new_place(configured, other) : place, other);
+    } catch (const Error& error) {
+      options.notice(error.what());  // the log has ended
+    }
+    return true;
+  }
+
+  void replace(const RobotConfig& robot, const Roster::Place& place, const Identity& other) {
+    const Roster::Row before = *roster.find(robot.name);
+    Roster::Row now;
+    log->call([&] { now = enter(robot, place.name, place.identity); });
+    now.identity.learn(other);
+    log->event(identity_event(before, now));
+    record_rates(before.id, &robot.settings, nullptr);
+    record_rates(now.id, nullptr, &robot.settings);
+    roster.assign(robot.name, now);
+    fleet->start(robot, now, place_of(robot), mono_now_us());
+    if (stopping) {
+      fleet->stop();  // it came while the new pollers were being made
+    }
+  }
+
+  [[nodiscard]] std::size_t place_of(const RobotConfig& robot) const {
+    return static_cast<std::size_t>(&robot - config.robots.data());
+  }
+
+  [[nodiscard]] Event identity_event(const Roster::Row& before, const Roster::Row& now) const {
+    Event event;
+    event.robot = before.id;
+    event.session = session.id;
+    event.kind = EventKind::identity_changed;
+    event.t_us = event.t_from_us = wall_now_us();
+    event.old_value = before.identity.text();
+    event.new_value = now.identity.text();
+    event.detail = fmt::format("another robot answers; it is recorded as '{}'", now.name);
+    return event;
   }
 
   void hand_over_planned(store::LogWriter& w) const {
@@ -207,11 +298,14 @@ struct Recorder::Impl {
 
   void change(const ReloadPlan& plan, const Config& next) {
     for (const std::string& name : plan.removed) {
-      fleet->retire(name);
-      record_rates(ids.at(name), &find(name)->settings, nullptr);
+      const RobotId id = roster.find(name)->id;
+      roster.learn(id, fleet->retire(id));
+      record_rates(id, &find(name)->settings, nullptr);
+      roster.release(name);
     }
     for (const RobotConfig& robot : plan.changed) {
-      fleet->retire(robot.name);
+      const RobotId id = roster.find(robot.name)->id;
+      roster.learn(id, fleet->retire(id));
     }
     log->call([] {});  // what their pollers left in the queue is counted now
     for (std::size_t i = 0; i < next.robots.size(); ++i) {
@@ -222,13 +316,13 @@ struct Recorder::Impl {
       if (before != nullptr && !changed) {
         continue;
       }
-      const RobotId id = ids.at(robot.name);
-      record_rates(id, before == nullptr ? nullptr : &before->settings, &robot.settings);
+      const Roster::Row& row = *roster.find(robot.name);
+      record_rates(row.id, before == nullptr ? nullptr : &before->settings, &robot.settings);
       if (const auto order = robot.settings.modbus.word_order;
           order && before != nullptr && before->settings.modbus.word_order != order) {
-        set_word_order(id, robot, *order);
+        set_word_order(row.id, robot, *order);
       }
-      fleet->start(robot, id, i, mono_now_us());
+      fleet->start(robot, row, i, mono_now_us());
     }
   }
 
@@ -258,7 +352,8 @@ Recorder::Recorder(const Config& config, Options options) : impl_(std::make_uniq
 }
 
 Recorder::~Recorder() {
-  impl_->fleet->stop();
+  stop();
+  impl_->steward->stop();
   impl_->fleet->join();
   impl_->log.reset();  // its thread still looks at the pollers' counters
 }
@@ -266,6 +361,7 @@ Recorder::~Recorder() {
 std::vector<std::string> Recorder::outlook() const { return impl_->outlook; }
 
 std::string Recorder::reload(const Config& next, const std::string& text) {
+  const std::lock_guard lock(impl_->control);
   const ReloadPlan plan = plan_reload(impl_->config, next);
   if (plan.nothing()) {
     return "nothing differs";
@@ -281,9 +377,16 @@ std::string Recorder::reload(const Config& next, const std::string& text) {
   return plan.text();
 }
 
-void Recorder::stop() { impl_->fleet->stop(); }
+void Recorder::stop() {
+  impl_->stopping = true;
+  impl_->fleet->stop();
+}
 
-bool Recorder::done() const { return impl_->fleet->running() == 0 || impl_->log->failed(); }
+bool Recorder::done() const {
+  // In this order: a poller that meets another robot makes the steward busy before it ends.
+  return (impl_->fleet->running() == 0 && !impl_->steward->busy() && impl_->fleet->running() == 0) ||
+         impl_->log->failed();
+}
 
 Snapshot Recorder::snapshot() const {
   LogThread::Numbers numbers = impl_->log->numbers();
@@ -321,8 +424,13 @@ std::vector<Beat> Recorder::beats() const {
 }
 
 std::vector<SourceSummary> Recorder::finish() {
-  if (impl_->fleet->running() != 0) {
-    impl_->fleet->stop();
+  const auto over = [this] { return impl_->fleet->running() == 0 && !impl_->steward->busy(); };
+  if (!over()) {
+    stop();
+  }
+  impl_->steward->stop();
+  if (!over()) {
+    stop();  // a robot that was being replaced in that moment
   }
   impl_->fleet->join();
   impl_->log->finish(true);

@@ -18,7 +18,7 @@ constexpr std::array kFields{field("vx"),          field("vy"),      field("w"),
 
 const FieldSet& watched() {
   static const FieldSet fields = [] {
-    FieldSet set;
+    FieldSet set = identity_fields();
     for (const FieldIndex f : kFields) {
       set.set(f);
     }
@@ -92,27 +92,54 @@ std::optional<bool> RobotWatch::Fact::at(Micros mono_us, Micros stale_us) const 
   return mono_us - told_us <= stale_us ? value : std::nullopt;
 }
 
-void RobotWatch::look(const Answer& answer, WordOrder order, Micros mono_us) {
-  bool faster = false;
-  {
-    const std::lock_guard lock(mutex_);
-    const Activities before = possible_now(mono_us);
-    decoder_.decode(answer, order, watched(), false, gates_, sample_);
-    learn(mono_us);
-    faster = (possible_now(mono_us) & ~before).any();
+void AnswerReader::read(const Answer& answer, WordOrder order, const FieldSet& wanted,
+                        const std::function<void(const Sample&)>& use) {
+  const std::lock_guard lock(mutex_);
+  Gates gates;  // nothing that is looked at has a condition
+  decoder_.decode(answer, order, wanted, false, gates, sample_);
+  use(sample_);
+}
+
+RobotWatch::RobotWatch(Options options, AnswerReader& reader)
+    : options_(std::move(options)), reader_(reader), identity_(options_.identity) {}
+
+std::optional<Identity> RobotWatch::look(const Answer& answer, WordOrder order, Micros mono_us) {
+  const bool tells_identity = answer.meta.source == Source::status;
+  if (!tells_identity && !options_.rates_vary) {
+    return std::nullopt;
   }
+  std::optional<Identity> other;
+  bool faster = false;
+  reader_.read(answer, order, watched(), [&](const Sample& sample) {
+    const std::lock_guard lock(mutex_);
+    const Identity told = tells_identity ? identity_of(sample) : Identity{};
+    if (told.differs(identity_)) {
+      other = told;
+      return;
+    }
+    identity_.learn(told);
+    const Activities before = possible_now(mono_us);
+    learn(sample, mono_us);
+    faster = (possible_now(mono_us) & ~before).any();
+  });
   if (faster && faster_) {
     faster_();
   }
+  return other;
 }
 
-void RobotWatch::learn(Micros mono_us) {
-  if (!sample_.decodable) {
+Identity RobotWatch::identity() const {
+  const std::lock_guard lock(mutex_);
+  return identity_;
+}
+
+void RobotWatch::learn(const Sample& sample, Micros mono_us) {
+  if (!sample.decodable) {
     return;
   }
-  moves_.tell(moves(sample_), mono_us);
-  works_.tell(works(sample_), mono_us);
-  charges_.tell(flag(sample_, field("charging")), mono_us);
+  moves_.tell(moves(sample), mono_us);
+  works_.tell(works(sample), mono_us);
+  charges_.tell(flag(sample, field("charging")), mono_us);
   const Activities now = told(mono_us);
   for (std::size_t i = 0; i < kActivityCount; ++i) {
     if (now[i] || !last_look_us_) {

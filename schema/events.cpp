@@ -325,6 +325,7 @@ bool derived_from_answers(EventKind kind) {
     case EventKind::mark:
     case EventKind::part_removed:
     case EventKind::config_changed:
+    case EventKind::identity_changed:
       return false;
     default:
       return true;

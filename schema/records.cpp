@@ -17,7 +17,7 @@ struct Words {
   std::string_view meaning;
 };
 
-constexpr std::array<Words, 18> kCauses{{
+constexpr std::array<Words, kCauseCount> kCauses{{
     {"connect_refused", "nobody listens on the port"},
     {"connect_timeout", "no answer to the connection attempt"},
     {"unreachable", "no route to the robot"},
@@ -36,15 +36,40 @@ constexpr std::array<Words, 18> kCauses{{
     {"recorder_killed", "not yet committed when the recorder died"},
     {"shutdown", "the recorder was stopping"},
     {"damaged", "lost from the log that this one was recovered from"},
+    {"other_robot", "another robot answered at this address"},
 }};
 
-constexpr std::array<std::string_view, kEventKindCount> kEventKinds{
-    "link_up",       "link_down",        "client_limit",   "error_frame",   "no_sequence_echo",
-    "alarm_raised",  "alarm_cleared",    "alarm_repeated", "blocked",       "slowed",
-    "emergency",     "driver_emergency", "charging",       "station",       "task",
-    "map",           "localisation",     "reboot",         "digital_input", "digital_output",
-    "control_owner", "identity",         "rate",           "word_order",    "unknown_key",
-    "undecodable",   "clock_step",       "mark",           "part_removed",  "config_changed"};
+constexpr std::array<std::string_view, kEventKindCount> kEventKinds{"link_up",
+                                                                    "link_down",
+                                                                    "client_limit",
+                                                                    "error_frame",
+                                                                    "no_sequence_echo",
+                                                                    "alarm_raised",
+                                                                    "alarm_cleared",
+                                                                    "alarm_repeated",
+                                                                    "blocked",
+                                                                    "slowed",
+                                                                    "emergency",
+                                                                    "driver_emergency",
+                                                                    "charging",
+                                                                    "station",
+                                                                    "task",
+                                                                    "map",
+                                                                    "localisation",
+                                                                    "reboot",
+                                                                    "digital_input",
+                                                                    "digital_output",
+                                                                    "control_owner",
+                                                                    "identity",
+                                                                    "rate",
+                                                                    "word_order",
+                                                                    "unknown_key",
+                                                                    "undecodable",
+                                                                    "clock_step",
+                                                                    "mark",
+                                                                    "part_removed",
+                                                                    "config_changed",
+                                                                    "identity_changed"};
 
 }  // namespace
 

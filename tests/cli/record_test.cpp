@@ -148,6 +148,39 @@ TEST_CASE("pose beside the full answer, also of a controller that ignores keys: 
   CHECK(verify.code == 0);
 }
 
+TEST_CASE("another robot behind the same address is recorded as another robot, and every poll is accounted for") {
+  TempDir dir;
+  const std::string log = (dir / "log").string();
+  std::vector<sim::ServedRobot> first = robots(2);
+  auto server = std::make_unique<sim::Server>(std::vector<sim::ServedRobot>{first[0]}, sim::ServeOptions{});
+  Process recorder(kRecorder, record_arguments(*server, 1, log, "9s"));
+  std::this_thread::sleep_for(3s);
+  sim::ServedRobot other = first[1];
+  other.status_port = server->status_port(0);
+  other.modbus_port = server->modbus_port(0);
+  server.reset();
+  server = std::make_unique<sim::Server>(std::vector<sim::ServedRobot>{other}, sim::ServeOptions{});
+  const Outcome outcome = recorder.wait();
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  CHECK(outcome.err.find("robot1: another robot answers; it is recorded as 'robot1 (2)'") != std::string::npos);
+
+  const auto source = open(log);
+  check_every_poll_is_accounted_for(*source);
+  REQUIRE(source->robots().size() == 2);
+  CHECK(source->robots()[0].vehicle_id == "robot1");
+  CHECK(source->robots()[1].vehicle_id == "robot2");
+  for (const Robot& robot : source->robots()) {
+    std::size_t rows = 0;
+    source->read_raw(robot.id, Source::status, {}, [&](const Answer& answer) {
+      CHECK(answer.body.find("\"vehicle_id\":\"" + robot.vehicle_id + "\"") != std::string::npos);
+      ++rows;
+    });
+    CHECK(rows > 0);
+  }
+  CHECK(test::run(kAnalyzer, {"verify", log}).code == 0);
+}
+
 TEST_CASE("three robots at every source: each planned poll is stored or missed, also when a robot is switched off") {
   TempDir dir;
   const std::string log = (dir / "log").string();

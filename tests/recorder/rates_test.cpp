@@ -24,19 +24,21 @@ Activities just(Activity activity) { return Activities().set(static_cast<std::si
 
 /// A watch that is told bodies of status answers.
 struct Told {
-  RobotWatch watch{RobotWatch::Options{}};
+  AnswerReader reader;
+  RobotWatch watch{RobotWatch::Options{}, reader};
   void tell(Micros at, const std::string& body, Source source = Source::status) {
     Answer answer;
     answer.meta.source = source;
     answer.body = body;
-    watch.look(answer, WordOrder::cdab, at);
+    CHECK_FALSE(watch.look(answer, WordOrder::cdab, at));
   }
 };
 
 struct Bench {
   FakeClock clock;
   VectorSink sink;
-  RobotWatch watch{RobotWatch::Options{}};
+  AnswerReader reader;
+  RobotWatch watch{RobotWatch::Options{}, reader};
   FakeLink* link = nullptr;
   std::unique_ptr<Poller> poller;
 
