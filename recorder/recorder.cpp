@@ -377,6 +377,25 @@ std::string Recorder::reload(const Config& next, const std::string& text) {
   return plan.text();
 }
 
+std::size_t Recorder::mark(const Mark& mark) {
+  const std::lock_guard lock(impl_->control);
+  Event event;
+  event.session = impl_->session.id;
+  event.kind = EventKind::mark;
+  event.t_us = event.t_from_us = wall_now_us();
+  event.detail = mark.text;
+  std::size_t marked = 0;
+  for (const RobotConfig& robot : impl_->config.robots) {
+    const Roster::Row& row = *impl_->roster.find(robot.name);
+    if (mark.robot.empty() || mark.robot == robot.name || mark.robot == row.name) {
+      event.robot = row.id;
+      impl_->log->event(event);
+      ++marked;
+    }
+  }
+  return marked;
+}
+
 void Recorder::stop() {
   impl_->stopping = true;
   impl_->fleet->stop();
