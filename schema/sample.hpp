@@ -35,6 +35,9 @@ std::vector<std::string> source_names();
 std::string_view protocol_name(Protocol protocol);
 /// All of them, in their order.
 const std::array<Source, kSourceCount>& all_sources();
+/// What source `pose` asks 1100 for: where the robot is and how it moves. Nothing of it is an edge that makes an event,
+/// so that the fast poll does not tell everything twice.
+inline constexpr std::array<std::string_view, 8> kPoseKeys{"x", "y", "angle", "confidence", "vx", "vy", "w", "odo"};
 /// False when there is no source of this name.
 bool parse_source(std::string_view name, Source& out);
 

@@ -7,7 +7,6 @@
 #include <optional>
 
 #include "schema/time.hpp"
-#include "schema/wire/requests.hpp"
 
 namespace tacho::commands {
 namespace {
@@ -234,7 +233,7 @@ bool expected(const Field& field, Source source) {
     case Source::inputs:
       return field.reg.discrete;
     case Source::pose:
-      return std::find(wire::kPoseKeys.begin(), wire::kPoseKeys.end(), field.json.key) != wire::kPoseKeys.end();
+      return std::find(kPoseKeys.begin(), kPoseKeys.end(), field.json.key) != kPoseKeys.end();
   }
   return false;
 }

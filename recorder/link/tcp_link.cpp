@@ -136,11 +136,11 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
                         ? std::string(frame.header_bytes.data(), frame.header_bytes.size())
                         : std::string();
     result.body = std::move(frame.body);
-    if (source == Source::pose && wire::ignores_keys(result.body, wire::kPoseKeys.size())) {
+    if (source == Source::pose && wire::ignores_keys(result.body, kPoseKeys.size())) {
       result.give_up = fmt::format(
           "asked for {} keys, the controller answered with {}: it ignores `keys`, so pose is "
           "not asked for any more; switch pose off, or ask status more often",
-          wire::kPoseKeys.size(), wire::count_members(result.body));
+          kPoseKeys.size(), wire::count_members(result.body));
     }
   }
   return result;

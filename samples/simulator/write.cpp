@@ -217,7 +217,7 @@ std::string LogMaker::body(Source source, Simulated& simulated, Micros t_us) {
     case Source::io:
       return simulated.answers.io(state);
     case Source::pose: {
-      const std::vector<std::string> keys(wire::kPoseKeys.begin(), wire::kPoseKeys.end());
+      const std::vector<std::string> keys(kPoseKeys.begin(), kPoseKeys.end());
       return simulated.answers.status(state, keys);
     }
     case Source::registers: {

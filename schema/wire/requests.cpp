@@ -4,6 +4,8 @@
 
 #include <string_view>
 
+#include "schema/sample.hpp"
+
 namespace tacho::wire {
 
 namespace {

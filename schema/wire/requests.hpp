@@ -1,7 +1,6 @@
 #pragma once
 // The only requests that exist: 1100 and 1013 on the status port. (Modbus: FC4 and FC2, in recorder/link.)
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -24,9 +23,7 @@ struct StatusRequest {
 /// Body of request 1100: compact JSON in the key order of the vendor's document.
 std::string status_request_body(const StatusRequest& request);
 
-/// What source `pose` asks 1100 for: where the robot is and how it moves. Nothing of it is an edge that makes an event,
-/// so that the fast poll does not tell everything twice.
-inline constexpr std::array<std::string_view, 8> kPoseKeys{"x", "y", "angle", "confidence", "vx", "vy", "w", "odo"};
+/// 1100 for kPoseKeys.
 std::string pose_request_body();
 
 /// Members of the object that the body is; 0 when it is none.
