@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "recorder/identity.hpp"
-#include "recorder/link/register_plan.hpp"
 #include "recorder/log_thread.hpp"
+#include "recorder/own_rows.hpp"
 #include "recorder/reload.hpp"
 #include "recorder/roster.hpp"
 #include "recorder/steward.hpp"
@@ -23,6 +23,7 @@ namespace tacho::recorder {
 
 namespace {
 
+constexpr const char* kReloaded = "the configuration was changed";
 constexpr Micros kForever = 4'000'000'000'000'000;  // 126 years
 
 std::string host_text() {
@@ -34,23 +35,6 @@ std::string host_text() {
   const long minutes = local.tm_gmtoff / 60;
   return fmt::format("{} UTC{}{:02}:{:02}", name.data(), minutes < 0 ? '-' : '+', std::abs(minutes) / 60,
                      std::abs(minutes) % 60);
-}
-
-Stream stream_of(const RobotConfig& robot, SessionId session, RobotId id, Source source) {
-  Stream stream;
-  stream.session = session;
-  stream.robot = id;
-  stream.source = source;
-  stream.period_us = robot.settings.rates(source).fastest();
-  stream.word_order = robot.settings.modbus.word_order.value_or(WordOrder::cdab);
-  if (source == Source::status) {
-    stream.request = wire::status_request_body(robot.settings.status.request);
-  } else if (source == Source::pose) {
-    stream.request = wire::pose_request_body();
-  } else if (source_info(source).protocol == Protocol::modbus) {
-    stream.request = wire::to_text(RegisterPlan(source == Source::inputs).ranges());
-  }
-  return stream;
 }
 
 }  // namespace
@@ -108,7 +92,7 @@ struct Recorder::Impl {
     for (std::size_t s = 0; s < kSourceCount; ++s) {
       const auto source = static_cast<Source>(s);
       if (robot.settings.period(source) > 0 && declared.emplace(id, source).second) {
-        ingest.declare(stream_of(robot, session.id, id, source));
+        ingest.declare(stream_of(robot, {session.id, id, source, 0}));
       }
     }
     log->watch(id, row, robot);
@@ -198,9 +182,12 @@ struct Recorder::Impl {
     Roster::Row now;
     log->call([&] { now = enter(robot, place.name, place.identity); });
     now.identity.learn(other);
-    log->event(identity_event(before, now));
-    record_rates(before.id, &robot.settings, nullptr);
-    record_rates(now.id, nullptr, &robot.settings);
+    Event event = identity_event(session.id, before.id, now.name);
+    event.old_value = before.identity.text();
+    event.new_value = now.identity.text();
+    log->event(event);
+    record_rates(before.id, &robot.settings, nullptr, "another robot answers at its address");
+    record_rates(now.id, nullptr, &robot.settings, "it answers where another robot was asked");
     roster.assign(robot.name, now);
     fleet->start(robot, now, place_of(robot), mono_now_us());
     if (stopping) {
@@ -212,82 +199,32 @@ struct Recorder::Impl {
     return static_cast<std::size_t>(&robot - config.robots.data());
   }
 
-  [[nodiscard]] Event identity_event(const Roster::Row& before, const Roster::Row& now) const {
-    Event event;
-    event.robot = before.id;
-    event.session = session.id;
-    event.kind = EventKind::identity_changed;
-    event.t_us = event.t_from_us = wall_now_us();
-    event.old_value = before.identity.text();
-    event.new_value = now.identity.text();
-    event.detail = fmt::format("another robot answers; it is recorded as '{}'", now.name);
-    return event;
-  }
-
   void hand_over_planned(store::LogWriter& w) const {
     for (const Fleet::StreamCounts& stream : fleet->streams()) {
       w.planned(stream.id, stream.source, stream.planned);
     }
   }
 
-  void record_config(const std::string& text, const ReloadPlan& plan) {
-    Event event;
-    event.session = session.id;
-    event.kind = EventKind::config_changed;
-    event.t_us = event.t_from_us = wall_now_us();
-    event.subject = plan.text();
-    event.detail = text;
-    ingest.add(event);
-    writer.commit();
-  }
-
   /// How a robot was asked and is asked now; empty: not at all. A stream that goes on after a pause says so, because
   /// analyses must not integrate over it.
-  void record_rates(RobotId id, const Settings* before, const Settings* now) {
+  void record_rates(RobotId id, const Settings* before, const Settings* now, const std::string& why) {
     const auto counts = fleet->streams();
     const LogThread::Numbers numbers = log->numbers();
     for (std::size_t s = 0; s < kSourceCount; ++s) {
       const auto source = static_cast<Source>(s);
       const auto known =
           std::find_if(counts.begin(), counts.end(), [&](const auto& c) { return c.id == id && c.source == source; });
-      const std::uint64_t seq = known == counts.end() ? 0 : known->planned;
+      const StreamPoll poll{session.id, id, source, known == counts.end() ? 0 : known->planned};
       const Micros was = before == nullptr || known == counts.end() ? 0 : known->last_period_us;
       const Micros is = now == nullptr ? 0 : now->rates(source).fastest();
       const auto heard = numbers.streams.find({id, source});
       if (was != is) {
-        log->event(rate_event(id, source, seq, {was, is}));
+        log->event(rate_event(poll, was, is, why));
       }
-      if (is > 0 && seq > 0 && heard != numbers.streams.end() && heard->second.last_answer_us > 0) {
-        log->gap(pause(id, source, seq, heard->second.last_answer_us));
+      if (is > 0 && poll.seq > 0 && heard != numbers.streams.end() && heard->second.last_answer_us > 0) {
+        log->gap(pause_gap(poll, heard->second.last_answer_us, why));
       }
     }
-  }
-
-  [[nodiscard]] Event rate_event(RobotId id, Source source, std::uint64_t seq, std::pair<Micros, Micros> period) const {
-    Event event;
-    event.robot = id;
-    event.session = session.id;
-    event.source = source;
-    event.kind = EventKind::rate;
-    event.seq = seq;
-    event.t_us = event.t_from_us = wall_now_us();
-    event.old_value = rate_text(period.first);
-    event.new_value = rate_text(period.second);
-    event.detail = "the configuration was changed";
-    return event;
-  }
-
-  [[nodiscard]] Gap pause(RobotId id, Source source, std::uint64_t seq, Micros from_us) const {
-    Gap gap;
-    gap.robot = id;
-    gap.source = source;
-    gap.session = session.id;
-    gap.seq_from = seq;
-    gap.t_from_us = from_us;
-    gap.t_to_us = std::max(from_us, wall_now_us());
-    gap.cause = Cause::recorder_off;
-    gap.detail = "the configuration was changed";
-    return gap;
   }
 
   [[nodiscard]] const RobotConfig* find(const std::string& name) const {
@@ -300,7 +237,7 @@ struct Recorder::Impl {
     for (const std::string& name : plan.removed) {
       const RobotId id = roster.find(name)->id;
       roster.learn(id, fleet->retire(id));
-      record_rates(id, &find(name)->settings, nullptr);
+      record_rates(id, &find(name)->settings, nullptr, kReloaded);
       roster.release(name);
     }
     for (const RobotConfig& robot : plan.changed) {
@@ -317,7 +254,7 @@ struct Recorder::Impl {
         continue;
       }
       const Roster::Row& row = *roster.find(robot.name);
-      record_rates(row.id, before == nullptr ? nullptr : &before->settings, &robot.settings);
+      record_rates(row.id, before == nullptr ? nullptr : &before->settings, &robot.settings, kReloaded);
       if (const auto order = robot.settings.modbus.word_order;
           order && before != nullptr && before->settings.modbus.word_order != order) {
         set_word_order(row.id, robot, *order);
@@ -370,7 +307,8 @@ std::string Recorder::reload(const Config& next, const std::string& text) {
     for (const auto* robots : {&plan.changed, &plan.added}) {
       std::for_each(robots->begin(), robots->end(), [&](const RobotConfig& robot) { impl_->enter(robot); });
     }
-    impl_->record_config(text, plan);
+    impl_->ingest.add(config_event(impl_->session.id, plan.text(), text));
+    impl_->writer.commit();
   });
   impl_->change(plan, next);
   impl_->config = next;
@@ -379,11 +317,7 @@ std::string Recorder::reload(const Config& next, const std::string& text) {
 
 std::size_t Recorder::mark(const Mark& mark) {
   const std::lock_guard lock(impl_->control);
-  Event event;
-  event.session = impl_->session.id;
-  event.kind = EventKind::mark;
-  event.t_us = event.t_from_us = wall_now_us();
-  event.detail = mark.text;
+  Event event = mark_event(impl_->session.id, mark.text);
   std::size_t marked = 0;
   for (const RobotConfig& robot : impl_->config.robots) {
     const Roster::Row& row = *impl_->roster.find(robot.name);
