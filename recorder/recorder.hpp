@@ -34,7 +34,7 @@ class Recorder {
   struct Options {
     std::string config_text;                         ///< kept in the log verbatim
     std::optional<Micros> run_for_us;                ///< empty: until stop()
-    std::function<void(const std::string&)> notice;  ///< what a person should see; called from the writer's thread
+    std::function<void(const std::string&)> notice;  ///< what a person should see; called from any thread
     LinkFactory make = make_link;
     std::size_t queue_items = 20'000;
     std::size_t queue_bytes = 64u << 20;
