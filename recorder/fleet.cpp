@@ -147,6 +147,15 @@ Identity Fleet::retire(RobotId row) {
   return identity;
 }
 
+std::map<RobotId, Identity> Fleet::identities() const {
+  const std::lock_guard lock(mutex_);
+  std::map<RobotId, Identity> out;
+  for (const auto& crew : crews_) {
+    out.emplace(crew->id, crew->watch->identity());
+  }
+  return out;
+}
+
 void Fleet::stop() {
   const std::lock_guard lock(mutex_);
   for (const auto& crew : crews_) {

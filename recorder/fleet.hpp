@@ -54,6 +54,8 @@ class Fleet {
   void start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us);
   /// Ends the polling of one robot; returns when its last row is in the sink. Its identity, as it is known now.
   Identity retire(RobotId row);
+  /// Of the robots that are asked, as they are known now; by row of the log.
+  [[nodiscard]] std::map<RobotId, Identity> identities() const;
   /// Ends all polling; does not wait.
   void stop();
   void join();

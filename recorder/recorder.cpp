@@ -166,6 +166,9 @@ struct Recorder::Impl {
       const RobotId now = roster.find(configured)->id;  // another one after a reload between two tries
       roster.learn(now, fleet->retire(now));
       roster.leave(configured);
+      for (const auto& [id, identity] : fleet->identities()) {
+        roster.learn(id, identity);
+      }
       const Roster::Place place = roster.place(configured, other);
       if (place.taken && !last) {
         return false;
