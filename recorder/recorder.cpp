@@ -163,9 +163,11 @@ struct Recorder::Impl {
       if (stopping || robot == nullptr) {
         return true;
       }
-      const RobotId now = roster.find(configured)->id;  // another one after a reload between two tries
-      roster.learn(now, fleet->retire(now));
-      roster.leave(configured);
+      // Not at a later try: the row may be recorded for another configured robot by then.
+      if (const RobotId now = roster.find(configured)->id; roster.recorded_for(now) == configured) {
+        roster.learn(now, fleet->retire(now));
+        roster.leave(configured);
+      }
       for (const auto& [id, identity] : fleet->identities()) {
         roster.learn(id, identity);
       }

@@ -86,7 +86,8 @@ std::string too_slow(double period_s, const Config& config, std::string_view wha
 }
 
 double Preparation::gap_s() const {
-  double period = planned_.seconds();
+  // The rate may have been changed before the first row: see PollClock.
+  double period = std::max(planned_.seconds(), first_pause_s_);
   const std::size_t known = std::min(pause_count_, pauses_.size());
   if (known >= 5) {
     std::array<float, 31> sorted = pauses_;
@@ -128,9 +129,10 @@ bool Preparation::step(const RawRow& raw, Prepared& out) {
   const bool changed = planned_.advance(raw.session, raw.seq) && any_ && raw.session == last_.session;
   out.slowed = planned_.standing();
   rate_change_s_ = changed ? std::max(before_s, planned_.seconds()) : 0.0;
-  if (any_ && pause_count_ == 0 && raw.session == last_.session && raw.seq == last_.seq + 1) {
-    // The rate may have been changed before the first row: see PollClock.
-    rate_change_s_ = std::max(rate_change_s_, static_cast<double>(raw.t_us - last_.t_us) * 1e-6);
+  if (changed || !any_ || raw.session != last_.session) {
+    first_pause_s_ = 0.0;
+  } else if (pause_count_ == 0 && raw.seq == last_.seq + 1) {
+    first_pause_s_ = static_cast<double>(raw.t_us - last_.t_us) * 1e-6;
   }
   if (any_) {
     out.dt_s = static_cast<double>(raw.t_us - last_.t_us) * 1e-6;

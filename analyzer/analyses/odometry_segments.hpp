@@ -120,6 +120,7 @@ class Preparation {
  private:
   Config config_;
   PlannedPeriod planned_;
+  double first_pause_s_ = 0;  // of the session at this rate, when no poll was missed in it
   double rate_change_s_ = 0;  // the longer period where the rate changes before this row, else 0
   RawRow last_;
   Row last_row_;

@@ -58,6 +58,7 @@ PollClock::Step PollClock::step(SessionId session, std::uint64_t seq, Micros t_m
     count_ = 0;
     period_us_ = planned_.us();
   } else if (any_ && pause >= 0) {
+    period_us_ = unknown_rate && pause > limit(period_us_) ? pause : period_us_;  // until there are more of them
     note(pause);
   }
   const bool first = !any_;
