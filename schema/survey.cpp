@@ -67,8 +67,12 @@ Micros hour_of(Micros t_us) { return (t_us - (t_us < 0 ? kHourUs - 1 : 0)) / kHo
 struct SessionCheck {
   EventMachine machine;
   Gates gates;
-  bool exact = true;                  // Ingest saw the same answers in the same state
   std::map<std::string, int> differ;  // stored events count up, derived ones down
+  /// Why Ingest did not see the same answers in the same state; empty: it did.
+  std::string_view obstacle;
+
+  [[nodiscard]] bool exact() const { return obstacle.empty(); }
+  void refuse(bool so, std::string_view why) { obstacle = so && exact() ? why : obstacle; }
 };
 
 struct Lane {
@@ -151,13 +155,13 @@ class Surveyor {
       // Where the disk failed the machine knew more than the log, as before damage; a gap of the inputs empties the
       // gates at a moment that is not on record.
       SessionCheck& session = sessions_[gap.session];
-      session.exact =
-          session.exact && gap.cause != Cause::disk && gap.cause != Cause::damaged && gap.source != Source::inputs;
+      session.refuse(gap.cause == Cause::disk || gap.cause == Cause::damaged, "answers were lost on the disk");
+      session.refuse(gap.source == Source::inputs, "inputs, by which registers are read, have a gap");
     }
     for (const Event& event : records.events) {
       add(out_.events, row_hash(event));
       SessionCheck& session = sessions_[event.session];
-      session.exact = session.exact && event.kind != EventKind::word_order;
+      session.refuse(event.kind == EventKind::word_order, "the word order of registers was learnt on the way");
       if (derived_from_answers(event.kind)) {
         count(session, text_of(event), 1);
       }
@@ -190,7 +194,7 @@ class Surveyor {
     stream.undecodable += sample_.decodable ? 0 : 1;
     seen_[{meta.robot, meta.source}] |= sample_.seen();
     rollups_.add(sample_);
-    if (session.exact) {
+    if (session.exact()) {
       session.machine.step(sample_, [&](const Event& event) {
         ++out_.event_check.derived;
         count(session, text_of(event), -1);
@@ -253,13 +257,14 @@ class Surveyor {
     stream.beyond += next - std::min(next, end);
     stream.planned = end - std::min(end, stream.first);
     SessionCheck& session = sessions_[key.session];
-    session.exact = session.exact && stream.first == 0 && stream.holes.empty() && stream.disordered == 0;
+    session.refuse(stream.first != 0, "its beginning is not here");
+    session.refuse(!stream.holes.empty() || stream.disordered > 0, "polls are missing or out of order");
   }
 
   void compare(const SessionCheck& session) {
     EventCheck& check = out_.event_check;
-    if (!session.exact) {
-      ++check.left_out;
+    if (!session.exact()) {
+      ++check.left_out[session.obstacle];
       return;
     }
     ++check.sessions;

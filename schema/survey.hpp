@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
@@ -54,7 +55,8 @@ struct StreamSurvey {
 /// The events that answers lead to, derived again.
 struct EventCheck {
   std::uint64_t sessions = 0;  ///< robot by robot
-  std::uint64_t left_out = 0;  ///< sessions in which Ingest cannot be repeated exactly
+  /// Sessions in which Ingest cannot be repeated exactly, by what stands in the way (literals).
+  std::map<std::string_view, std::uint64_t> left_out;
   std::uint64_t derived = 0;
   std::uint64_t only_stored = 0;
   std::uint64_t only_derived = 0;

@@ -111,20 +111,19 @@ Section section_of(store::LogReader& log, const Survey& found) {
       finding("VER-07", "one-minute rollups that differ from those made again", found.wrong_rollups, Verdict::fail,
               remedy)};
   Finding& events = section.findings[4];
-  if (e.sessions == 0 && e.left_out > 0) {  // nothing was compared, which is no PASS
+  if (e.sessions == 0 && !e.left_out.empty()) {  // nothing was compared, which is no PASS
     events.verdict = Verdict::unknown;
     events.value.value.reset();
     events.value.reason = "in no session can the way to its events be repeated exactly";
-    events.advice =
-        "nothing to do: sessions whose beginning is not here, that have holes, or in which the word order of registers "
-        "was "
-        "learnt cannot be repeated";
+    events.advice = "nothing to do: the notes say what stands in the way";
   }
   section.notes = found.wrong_summaries;
   section.notes.insert(section.notes.end(), found.first_rollups.begin(), found.first_rollups.end());
   section.notes.insert(section.notes.end(), e.first.begin(), e.first.end());
-  section.notes.push_back(
-      fmt::format("events derived again for {} sessions of a robot; {} left out", e.sessions, e.left_out));
+  section.notes.push_back(fmt::format("events derived again for {} sessions of a robot", e.sessions));
+  for (const auto& [obstacle, sessions] : e.left_out) {
+    section.notes.push_back(fmt::format("not for {}: {}", sessions, obstacle));
+  }
   for (std::string& note : notes_of(absent, log)) {
     section.notes.push_back(std::move(note));
   }

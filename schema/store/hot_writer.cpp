@@ -15,45 +15,55 @@ bool HotWriter::keep(StreamState& state, const Answer& answer) {
          pending_bytes_ >= kMostPending;
 }
 
-std::uint64_t HotWriter::insert(SessionId session, std::map<StreamId, StreamState>& streams, PartWriter& part,
-                                HotLedger& hot) {
-  std::vector<std::pair<const StreamId, StreamState>*> waiting;
-  for (auto& entry : streams) {
-    if (!entry.second.pending.empty()) {
-      waiting.push_back(&entry);
+void HotWriter::pack(SessionId session, std::map<StreamId, StreamState>& streams) {
+  for (auto& [id, state] : streams) {
+    if (!state.pending.empty()) {
+      packed_.push_back(packed({session, id.first, id.second}, state));
     }
   }
-  std::sort(waiting.begin(), waiting.end(), [](const auto* a, const auto* b) {
-    return a->second.pending.marks.front().place < b->second.pending.marks.front().place;
-  });
-  std::uint64_t stored = 0;
-  for (auto* entry : waiting) {
-    auto& [id, state] = *entry;
-    HotRow row = row_of(state);
-    row.robot = id.first;
-    row.source = static_cast<std::int64_t>(id.second);
-    row.session = session;
-    part.put(row);
-    hot.add({session, id.first, id.second}, row.id, HotLedger::sums_of(state.pending.marks, row.data.size()));
-    stored += row.data.size();
-    state.inserted(row.id, row.base != 0);
-  }
   pending_bytes_ = 0;
-  return stored;
 }
 
-/// All but whose it is.
-HotRow HotWriter::row_of(StreamState& state) {
+HotWriter::Packed HotWriter::packed(const StreamKey& key, StreamState& state) {
   const HotMark& first = state.pending.marks.front();
   const HotEncoder::Stored stored = encoder_.encode(state.pending, state.base(keyframe_every_));
-  HotRow row;
-  row.id = first.place;
-  row.seq = first.seq;
-  row.t_send_us = first.t_send_us;
-  row.base = stored.needs_base ? state.previous_id : 0;
-  row.rows = state.pending.marks.size();
-  row.data = stored.data;
-  return row;
+  Packed out;
+  out.row.id = first.place;
+  out.row.robot = key.robot;
+  out.row.source = static_cast<std::int64_t>(key.source);
+  out.row.session = key.session;
+  out.row.seq = first.seq;
+  out.row.t_send_us = first.t_send_us;
+  out.row.base = stored.needs_base ? state.previous_id : 0;
+  out.row.rows = state.pending.marks.size();
+  out.bytes = stored.data.size();
+  out.key = key;
+  out.sums = HotLedger::sums_of(state.pending.marks, out.bytes);
+  data_ += stored.data;
+  state.packed(out.row.id, out.row.base != 0);
+  return out;
+}
+
+std::uint64_t HotWriter::insert(PartWriter& part, HotLedger& hot) {
+  std::size_t at = 0;
+  for (Packed& packed : packed_) {
+    packed.row.data = std::string_view(data_).substr(at, packed.bytes);
+    at += packed.bytes;
+  }
+  std::sort(packed_.begin(), packed_.end(), [](const Packed& a, const Packed& b) { return a.row.id < b.row.id; });
+  for (const Packed& packed : packed_) {
+    part.put(packed.row);
+    hot.add(packed.key, packed.row.id, packed.sums);
+  }
+  packed_.clear();
+  data_.clear();
+  return at;
+}
+
+void HotWriter::rolled_back() {
+  packed_.clear();
+  data_.clear();
+  pending_bytes_ = 0;
 }
 
 }  // namespace tacho::store

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "schema/store/coverage_writer.hpp"
 #include "schema/store/hot_writer.hpp"
 #include "schema/store/kept_parts.hpp"
 #include "schema/store/part_end.hpp"
@@ -21,14 +22,13 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::uint64_t kCommitsPerCoverage = 60;
 constexpr std::uint64_t kCommitsAfterFailure = 60;
 /// After a commit, moving rows into blocks may take about this share of the time that its answers cover: the sooner all
 /// are packed, the fewer new rows have to be put back.
 constexpr Micros kMoveShare = 4;
 constexpr Micros kLeastMoveUs = 50'000;
 constexpr Micros kMostMoveUs = 1'000'000;
-constexpr std::uint64_t kPinned = 4;  // a WAL so many times larger than it should be is pinned by a reader
+constexpr std::uint64_t kPinned = 2;  // a WAL so many times larger than it should be is pinned by a reader
 // Against a robot that invents keys: the answers themselves keep all of them.
 constexpr std::size_t kUnknownKeysPerStream = 1000;
 
@@ -43,10 +43,9 @@ struct LogWriter::Impl : WriterHead {
   Repacker repacker;
   SessionId next_session = 1;
   PartEnd part_end;
-  bool urgent = false;        // something changed that cannot be counted again without decoding
-  bool lost = false;          // a transaction failed: the next one says so in gap rows
-  bool removed_told = false;  // the open transaction tells of removed parts
-  std::uint64_t since_coverage = 0;
+  CoverageWriter coverage;
+  bool lost = false;                   // a transaction failed: the next one says so in gap rows
+  bool removed_told = false;           // the open transaction tells of removed parts
   std::uint64_t move_again_at = 0;     // stats.commits
   std::uint64_t prepare_again_at = 0;  // stats.commits
   Micros newest_us = 0;                // time of the last answer
@@ -84,13 +83,11 @@ struct LogWriter::Impl : WriterHead {
   void write_lost();
   void write_removed();
   void rolled_back();
-  void write_coverage();
   void commit();
   void commit_all();
   void commit_rows();
   void committed();
   void prepare_next();
-  void coverage_written();
   Deadline move_until();
   void move_due(Deadline until);
   void checkpoint();
@@ -98,7 +95,8 @@ struct LogWriter::Impl : WriterHead {
 
   StreamState& stream(RobotId robot, Source source);
   void keep(StreamState& state, const Answer& answer);
-  void insert_kept();
+  void pack_kept();
+  void insert_packed();
   void declare(const Stream& stream);
   void end_session(Micros t_end_us, bool clean);
 };
@@ -220,7 +218,7 @@ void LogWriter::Impl::rolled_back() {
   part().rollback();
   lost = true;
   removed_told = false;
-  urgent = true;
+  coverage.demand();
   hot.roll_back();
   answers.rolled_back();
   committed_stats.parts = stats.parts;
@@ -230,15 +228,6 @@ void LogWriter::Impl::rolled_back() {
   }
 }
 
-void LogWriter::Impl::write_coverage() {
-  for (auto& [id, state] : streams) {
-    if (state.dirty) {
-      part().put({session->id, id.first, id.second}, state.count);
-    }
-  }
-  part().set_counted_to(answers.last_place());
-}
-
 void LogWriter::Impl::commit_rows() {
   if (lost || (session && !keeper.untold().empty())) {
     write([] {});  // what was lost belongs on record, and into this part, also when no poll follows
@@ -246,19 +235,15 @@ void LogWriter::Impl::commit_rows() {
   if (!part().in_transaction()) {
     return;
   }
+  pack_kept();
   const auto start = std::chrono::steady_clock::now();
-  write([this] { insert_kept(); });
-  const bool coverage = urgent || since_coverage + 1 >= kCommitsPerCoverage || part_end.over(part().bytes());
+  write([this] { insert_packed(); });
+  const bool all = coverage.due() || part_end.over(part().bytes());
   write([&] {
-    if (coverage) {
-      write_coverage();
-    }
+    all ? CoverageWriter::put_all(part(), *this, answers.last_place()) : CoverageWriter::put_news(part(), *this);
     part().commit();
   });
-  ++since_coverage;
-  if (coverage) {
-    coverage_written();
-  }
+  coverage.committed(*this, all);
   committed();
   stats.last_commit = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start);
 }
@@ -303,12 +288,6 @@ void LogWriter::Impl::prepare_next() {
   }
 }
 
-void LogWriter::Impl::coverage_written() {
-  urgent = false;
-  since_coverage = 0;
-  std::for_each(streams.begin(), streams.end(), [](auto& entry) { entry.second.dirty = false; });
-}
-
 /// Until when rows may be moved now. By the time of the answers, so that a log that is made, not recorded, is packed in
 /// the same way.
 Deadline LogWriter::Impl::move_until() {
@@ -337,7 +316,7 @@ void LogWriter::Impl::move_due(Deadline until) {
       return;
     }
     part().begin();
-    write_coverage();  // it counts hot rows, of which some are no more
+    CoverageWriter::put_all(part(), *this, answers.last_place());  // some of the hot rows it counts are no more
     repacker.store(part());
     part().commit();
   } catch (const SqliteError&) {
@@ -346,7 +325,7 @@ void LogWriter::Impl::move_due(Deadline until) {
     move_again_at = stats.commits + kCommitsAfterFailure;
     return;
   }
-  coverage_written();
+  coverage.committed(*this, true);
   repacker.stored(hot);
 }
 
@@ -397,15 +376,18 @@ void LogWriter::Impl::keep(StreamState& state, const Answer& answer) {
   ++stats.rows;
   stats.body_bytes += answer.body.size();
   if (full) {
-    insert_kept();
+    pack_kept();
+    insert_packed();
   }
 }
 
-void LogWriter::Impl::insert_kept() {
+void LogWriter::Impl::pack_kept() {
   if (session) {
-    stats.stored_bytes += answers.insert(session->id, streams, part(), hot);
+    answers.pack(session->id, streams);
   }
 }
+
+void LogWriter::Impl::insert_packed() { stats.stored_bytes += answers.insert(part(), hot); }
 
 void LogWriter::Impl::declare(const Stream& declared) {
   assert(session && declared.session == session->id);
@@ -433,7 +415,7 @@ void LogWriter::Impl::end_session(Micros t_end_us, bool clean) {
   for (auto& [id, state] : streams) {
     state.row.stream.planned = state.planned.value_or(state.next_seq);
   }
-  urgent = true;
+  coverage.demand();
   write([&] {
     part().put(*session);
     for (const auto& [id, state] : streams) {
@@ -456,7 +438,7 @@ LogWriter::LogWriter(const fs::path& folder, WriterOptions options)
 
 LogWriter::~LogWriter() {
   try {
-    impl_->urgent = true;
+    impl_->coverage.demand();
     impl_->commit();
     impl_->parts.close(impl_->options.blocks ? impl_->hot : HotLedger{});
     impl_->parts.tidy(kNoDeadline, impl_->keeper.now());
@@ -545,7 +527,7 @@ void LogWriter::note(const Sample& sample) {
   StreamState& state = impl_->stream(sample.meta.robot, sample.meta.source);
   const FieldSet seen = state.count.seen | sample.seen();
   const FieldSet valued = state.count.valued | sample.valued();
-  impl_->urgent = impl_->urgent || seen != state.count.seen || valued != state.count.valued || !sample.decodable;
+  state.news = state.news || seen != state.count.seen || valued != state.count.valued || !sample.decodable;
   state.count.seen = seen;
   state.count.valued = valued;
   state.count.undecodable += sample.decodable ? 0 : 1;

@@ -31,7 +31,7 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 120;               ///< answers that depend on one row; smaller = larger log, faster seek
   int zstd_level = 3;                     ///< of blocks
-  std::uint64_t wal_bytes = 32u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
+  std::uint64_t wal_bytes = 128u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
   bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
   std::uint32_t first_part = 1;         ///< number of the first part of a new log; higher for a copy of a later one
   bool durable = true;                  ///< synchronous FULL; false only for generated logs that can be made again
@@ -93,7 +93,7 @@ class LogWriter {
     std::uint64_t lost = 0;          ///< polls that failed transactions cost
     std::uint64_t commits = 0;
     std::uint64_t parts = 0;
-    std::chrono::microseconds last_commit{0};  ///< packing the answers, inserting them, and making all durable
+    std::chrono::microseconds last_commit{0};  ///< inserting the packed answers, and making all durable
   };
   [[nodiscard]] const Stats& stats() const;
   /// How long the disk will do; reads the head of every part. Throws Error.

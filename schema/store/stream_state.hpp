@@ -22,12 +22,14 @@ struct StreamState {
   StreamRow row;
   StreamCount count;       // of this part
   StreamCount committed;   // the same at the last commit
+  StreamCount covered;     // the same as the part has it
   LogWriter::Tally tally;  // of the session
   LogWriter::Tally committed_tally;
   std::uint64_t next_seq = 0;  // after the last stored or missed poll
   std::uint64_t committed_seq = 0;
   std::optional<std::uint64_t> planned;
-  bool dirty = false;
+  bool dirty = false;    // `count` is not what the part has
+  bool news = false;     // nor can what the part has be completed from hot rows
   HotBatch pending;      // answers that are not in the part yet
   std::string previous;  // last body of row previous_id, the base of the next row
   std::int64_t previous_id = 0;
@@ -44,11 +46,19 @@ struct StreamState {
     return previous_id != 0 && deltas + pending.marks.size() <= keyframe_every ? &previous : nullptr;
   }
   /// They are row `id` now.
-  void inserted(std::int64_t id, bool delta) {
+  void packed(std::int64_t id, bool delta) {
     deltas = delta ? deltas + pending.marks.size() : 0;
     previous = pending.last_body();
     previous_id = id;
     pending.clear();
+  }
+  /// What the part has of the counts, with what hot rows cannot tell.
+  [[nodiscard]] StreamCount with_news() const {
+    StreamCount told = covered;
+    told.undecodable = count.undecodable;
+    told.seen = count.seen;
+    told.valued = count.valued;
+    return told;
   }
   void add(const Gap& gap) {
     (gap.partial ? tally.partial : tally.missed[static_cast<std::size_t>(gap.cause)]) += gap.seq_count;
@@ -62,6 +72,7 @@ struct StreamState {
     count = committed;
     tally = committed_tally;
     dirty = true;
+    news = false;
     unknown.clear();
     pending.clear();
     forget_previous();
@@ -71,7 +82,9 @@ struct StreamState {
     count = StreamCount{};
     count.last_us = last_us;  // a kill has to know when the stream was last heard
     committed = count;
+    covered = count;
     dirty = true;
+    news = false;
     unknown.clear();
     forget_previous();
   }

@@ -1,4 +1,6 @@
-// Speed of reading a log as columns: one JSON object per line. Usage: scan_bench [DAYS]
+// Speed of reading a log as columns: one JSON object per line. Usage: scan_bench [DAYS [FOLDER]]
+// With FOLDER the log and the tables stay there, and serve the next run: a month takes a while to write.
+// scan_bench status|registers LOG reads six columns of a log 40 times, for a profiler.
 //
 // One simulated robot, status at 1 Hz, registers at 5 Hz; the peer is the plain wide SQLite table that `export --format
 // sqlite` writes, read by SQLite itself. Times are medians of interleaved rounds of CPU time,
@@ -120,18 +122,21 @@ double sum_sql(store::Connection& wide, const char* sql) {
   return sum;
 }
 
-fs::path exported(RowSource& log, Source source, const fs::path& path) {
+void export_table(RowSource& log, Source source, const fs::path& path) {
   store::sql::SqliteExport what;
   what.robots = log.robots();
   what.sources = {source};
   what.fields.set();
   store::sql::export_sqlite(log, what, path);
-  return path;
 }
 
 void against_wide_table(const std::string& name, RowSource& log, const Scan& scan, const fs::path& folder) {
   const Selection selection = selection_of(scan);
-  store::Connection wide(exported(log, scan.source, folder / (name + ".db")), store::OpenMode::read);
+  const fs::path table_file = folder / (name + ".db");
+  if (!fs::exists(table_file)) {
+    export_table(log, scan.source, table_file);
+  }
+  store::Connection wide(table_file, store::OpenMode::read);
   double rows = 0;
   for (const Coverage& coverage : log.coverage()) {
     rows = coverage.source == scan.source ? static_cast<double>(coverage.stored) : rows;
@@ -158,7 +163,9 @@ void measure(const fs::path& folder, double days) {
   options.duration_us = static_cast<Micros>(days * 86'400e6);
   options.status_period_us = 1'000'000;
   options.registers_period_us = 200'000;
-  sim::write_log({sim::busy_day(1)}, options, folder / "log");
+  if (!fs::exists(folder / "log")) {
+    sim::write_log({sim::busy_day(1)}, options, folder / "log");
+  }
   const std::vector<fs::path> paths{folder / "log"};
   const auto log = open_log_fast(paths);
   against_wide_table("status", *log, kStatus, folder);
@@ -181,7 +188,9 @@ void measure_opening(const fs::path& folder) {
   options.duration_us = 30 * 86'400'000'000;
   options.status_period_us = 30'000'000;
   options.registers_period_us = 60'000'000;
-  sim::write_log({sim::busy_day(1)}, options, folder / "month");
+  if (!fs::exists(folder / "month")) {
+    sim::write_log({sim::busy_day(1)}, options, folder / "month");
+  }
   const std::vector<fs::path> paths{folder / "month"};
   std::vector<double> opening;
   std::vector<double> telling;
@@ -207,20 +216,25 @@ void measure_opening(const fs::path& folder) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc > 2) {  // an existing log, for a profiler
+  const std::string first = argc > 1 ? argv[1] : "1";
+  if (argc > 2 && (first == "status" || first == "registers")) {
     const std::vector<fs::path> paths{argv[2]};
     const auto log = open_log_fast(paths);
     for (int i = 0; i < 40; ++i) {
-      sum_columns(*log, selection_of(argv[1][0] == 's' ? kStatus : kRegisters));
+      sum_columns(*log, selection_of(first == "status" ? kStatus : kRegisters));
     }
     return 0;
   }
-  std::string folder = (fs::temp_directory_path() / "tacho-scan-bench-XXXXXX").string();
-  if (mkdtemp(folder.data()) == nullptr) {
+  std::string made = (fs::temp_directory_path() / "tacho-scan-bench-XXXXXX").string();
+  if (argc < 3 && mkdtemp(made.data()) == nullptr) {
     return 1;
   }
-  measure(folder, argc > 1 ? std::atof(argv[1]) : 1.0);
+  const fs::path folder = argc > 2 ? argv[2] : made;
+  fs::create_directories(folder);
+  measure(folder, std::stod(first));
   measure_opening(folder);
-  fs::remove_all(folder);
+  if (argc < 3) {
+    fs::remove_all(folder);
+  }
   return 0;
 }

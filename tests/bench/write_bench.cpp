@@ -8,12 +8,15 @@
 // into blocks, checkpoints and closing are in them. One robot alone is recorded for 60 simulated minutes, a hundred
 // for 25: every stream has blocks by then. The folder is below TMPDIR, which must be on a real disk.
 //
-// `commit` is the transaction of the answers; `pause` is all of LogWriter::commit(), so the checkpoint and the moving
-// of rows into blocks too: as long as that answers wait in the queue. Processor time is the writer's: decoding, events
-// and store, without what making the answers takes.
+// `commit` is inserting what was packed and making it durable; `pause` is all of LogWriter::commit(), so packing, the
+// checkpoint and the moving of rows into blocks too: as long as that answers wait in the queue. `disk_alone` is what
+// the disk takes for the bytes of a commit without us. Processor time is the writer's: decoding, events and store,
+// without what making the answers takes.
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -29,6 +32,7 @@
 #include "samples/simulator/answers.hpp"
 #include "samples/simulator/robot.hpp"
 #include "schema/log.hpp"
+#include "schema/store/sqlite.hpp"
 #include "schema/wire/registers.hpp"
 #include "schema/wire/requests.hpp"
 
@@ -187,6 +191,42 @@ struct Times {
   }
 };
 
+/// What the files of a closed log take, and how much of that are pages that nothing needs.
+struct FileBytes {
+  double all = 0;
+  double free_pages = 0;
+};
+FileBytes file_bytes(const fs::path& folder) {
+  FileBytes bytes;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    bytes.all += static_cast<double>(entry.file_size());
+    if (entry.path().extension() == ".db") {
+      store::Connection part(entry.path(), store::OpenMode::read);
+      store::Statement pages(part, "SELECT freelist_count * page_size FROM pragma_freelist_count, pragma_page_size");
+      pages.query();
+      bytes.free_pages += pages.step() ? pages.real(0) : 0;
+    }
+  }
+  return bytes;
+}
+
+/// What the disk alone takes: as many bytes as a commit hands over, appended to a file and synchronised.
+Times disk_alone(const fs::path& file, std::size_t bytes) {
+  constexpr int kRounds = 300;
+  const std::string block(bytes, 'x');
+  Times times;
+  const int fd = open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+  for (int i = 0; i < kRounds; ++i) {
+    const auto begun = std::chrono::steady_clock::now();
+    if (write(fd, block.data(), block.size()) < 0 || fdatasync(fd) != 0) {
+      break;
+    }
+    times.ms.push_back(milliseconds_since(begun));
+  }
+  close(fd);
+  return times;
+}
+
 struct Goals {
   double mb_per_robot_day = 0;  ///< 0: none
   double commit_ms = 0;
@@ -201,7 +241,6 @@ void bench(const fs::path& folder, int robots, Micros commit_s, Micros minutes, 
   Times commits;
   Times pauses;
   const DiskBytes before = disk_bytes();
-  double file_bytes = 0;
   {
     double start = thread_cpu_seconds();
     store::LogWriter writer(folder);
@@ -233,19 +272,22 @@ void bench(const fs::path& folder, int robots, Micros commit_s, Micros minutes, 
     cpu_s += thread_cpu_seconds() - start;
   }
   const DiskBytes after = disk_bytes();
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    file_bytes += static_cast<double>(entry.file_size());
-  }
+  const FileBytes kept = file_bytes(folder);
   const double robot_days = robots * static_cast<double>(minutes) / 1440.0;
   const std::string what = fmt::format("{}_robot{}_commit_{}s", robots, robots == 1 ? "" : "s", commit_s);
   print("disk_" + what, (after.charged - before.charged) / robot_days / 1e6, "MB/robot-day", goals.mb_per_robot_day);
   print("handed_" + what, (after.handed - before.handed) / robot_days / 1e6, "MB/robot-day");
-  print("kept_" + what, file_bytes / robot_days / 1e6, "MB/robot-day");
+  print("kept_" + what, kept.all / robot_days / 1e6, "MB/robot-day");
+  print("kept_free_pages_" + what, kept.free_pages / robot_days / 1e6, "MB/robot-day");
   print("cpu_" + what, cpu_s / robot_days, "s/robot-day");
   print("cpu_share_" + what, 100.0 * cpu_s / (60.0 * static_cast<double>(minutes)), "% of one core");
   print("commit_p50_" + what, commits.share(0.5), "ms");
   print("commit_p99_" + what, commits.share(0.99), "ms", goals.commit_ms);
   print("commit_max_" + what, commits.share(1.0), "ms");
+  Times disk = disk_alone(folder / "alone", static_cast<std::size_t>((after.handed - before.handed) /
+                                                                     static_cast<double>(commits.ms.size())));
+  print("disk_alone_p50_" + what, disk.share(0.5), "ms");
+  print("disk_alone_p99_" + what, disk.share(0.99), "ms");
   print("pause_p50_" + what, pauses.share(0.5), "ms");
   print("pause_p99_" + what, pauses.share(0.99), "ms");
   print("pause_max_" + what, pauses.share(1.0), "ms");

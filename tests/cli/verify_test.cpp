@@ -399,6 +399,7 @@ TEST_CASE("events that could be compared in no session are unknown, which is no 
     }
   }
   CHECK(met);
+  CHECK_THAT(verified.out, Catch::Contains("not for 1: inputs, by which registers are read, have a gap"));
 }
 
 TEST_CASE("recover never writes over anything, and never into the log it reads") {

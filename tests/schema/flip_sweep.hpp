@@ -110,10 +110,35 @@ struct Shared {
 
 }  // namespace detail
 
+namespace detail {
+
+/// Every so-many-th, then those beside them: the first minute of a long sweep has been everywhere.
+inline std::vector<std::uint64_t> in_strides(const std::vector<std::uint64_t>& offsets) {
+  constexpr std::size_t kStride = 17;
+  std::vector<std::uint64_t> out;
+  for (std::size_t first = 0; first < kStride; ++first) {
+    for (std::size_t i = first; i < offsets.size(); i += kStride) {
+      out.push_back(offsets[i]);
+    }
+  }
+  return out;
+}
+
+/// Of a sweep that takes an hour, what it finds is told at once.
+inline void tell_progress(std::uint64_t flips, std::uint64_t offset, const std::string& fault) {
+  if (every_byte() && (!fault.empty() || flips % 1000 == 0)) {
+    std::fprintf(stderr, "%llu bytes turned, now %llu%s%s\n", static_cast<unsigned long long>(flips),
+                 static_cast<unsigned long long>(offset), fault.empty() ? "" : ": ", fault.c_str());
+  }
+}
+
+}  // namespace detail
+
 /// Turns each of these bytes of `part`, in copies of its folder. `look` says what came of it; it runs in child
 /// processes.
-inline Sweep sweep(const std::filesystem::path& part, const std::vector<std::uint64_t>& offsets,
+inline Sweep sweep(const std::filesystem::path& part, const std::vector<std::uint64_t>& bytes_of_part,
                    const detail::Look& look) {
+  const std::vector<std::uint64_t> offsets = detail::in_strides(bytes_of_part);
   namespace fs = std::filesystem;
   const std::size_t processes = std::max(1U, std::thread::hardware_concurrency());
   const std::size_t bytes = processes * sizeof(detail::Shared);
@@ -130,10 +155,7 @@ inline Sweep sweep(const std::filesystem::path& part, const std::vector<std::uin
         shared[child].at = offsets[i];
         const Consequence found = detail::look_once(own / part.filename(), offsets[i], look);
         ++shared[child].flips;
-        if (every_byte() && child == 0 && shared[child].flips % 1000 == 0) {
-          std::fprintf(stderr, "byte %llu of %llu\n", static_cast<unsigned long long>(offsets[i]),
-                       static_cast<unsigned long long>(offsets.back()));
-        }
+        detail::tell_progress(shared[child].flips, offsets[i], found.fault);
         shared[child].named += found.named ? 1 : 0;
         if (!found.fault.empty()) {
           shared[child].tell("byte " + std::to_string(offsets[i]) + ": " + found.fault);

@@ -164,17 +164,28 @@ TEST_CASE("what was seen, had a value, was undecodable or unknown is exact after
     sample.cells[field("x")].state = State::present;  // nothing new but a value
     poll();
     recording.writer.commit();
+    for (int i = 0; i < 310; ++i) {  // all counts are written on the way
+      poll();
+      recording.writer.commit();
+    }
+    sample.cells[field("y")].state = State::null;
+    poll();
+    recording.writer.commit();
     copy_as_killed(dir / "log", copy);
     recording.end();
   }
   store::LogReader log = open_reader(copy);
   const Coverage coverage = coverage_of(log);
-  CHECK(coverage.seen.count() == 2);
+  CHECK(coverage.seen.count() == 3);
   CHECK(coverage.seen[field("x")]);
+  CHECK(coverage.seen[field("y")]);
   CHECK(coverage.seen[field("battery_level")]);
   CHECK(coverage.valued == FieldSet().set(field("x")));
   CHECK(coverage.undecodable == 1);
-  CHECK(coverage.bytes == 8);
+  CHECK(coverage.stored == 315);
+  CHECK(coverage.bytes == 315 * 2);
+  CHECK(coverage.first_us == kT0);
+  CHECK(coverage.last_us == kT0 + 314 * kSecond);
   REQUIRE(log.unknown_keys().size() == 2);
   CHECK(log.unknown_keys()[0].key == "shiny");
   CHECK(log.unknown_keys()[0].first_us == kT0 + kSecond);
