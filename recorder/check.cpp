@@ -61,7 +61,7 @@ class RobotCheck {
  private:
   [[nodiscard]] TcpLinkOptions status_options() const {
     return {robot_.host, robot_.status_port, robot_.settings.status.version,
-            wire::status_request_body(robot_.settings.status.request)};
+            wire::status_request_body(robot_.settings.status.request), hint_};
   }
   [[nodiscard]] ModbusLinkOptions modbus_options() const {
     ModbusLinkOptions out;
@@ -69,6 +69,7 @@ class RobotCheck {
     out.port = robot_.modbus_port;
     out.unit = robot_.settings.modbus.unit;
     out.word_order = robot_.settings.modbus.word_order;
+    out.status = hint_;
     return out;
   }
 
@@ -154,6 +155,9 @@ class RobotCheck {
     } else {
       more(fmt::format("word order {}: as configured", word_order_name(order)));
     }
+    if (modbus_->shift() != 0) {
+      more("addresses are sent as documented, not minus one as usual; inputs follow when they are recorded");
+    }
     const auto part = [this](FieldIndex f) { return sample_.at(f).integer; };
     if (sample_.at(field("version_major")).has()) {
       more(fmt::format("firmware {}.{}.{}.{}", part(field("version_major")), part(field("version_minor")),
@@ -176,6 +180,7 @@ class RobotCheck {
   std::string partial_;
   std::optional<bool> has_io_;
   ModbusLink* modbus_ = nullptr;
+  std::shared_ptr<StatusHint> hint_ = std::make_shared<StatusHint>();
 };
 
 /// Space and what the rules make of it. Nothing is made or removed here.

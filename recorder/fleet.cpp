@@ -39,9 +39,8 @@ std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_ind
   return out;
 }
 
-}  // namespace
-
-std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol) {
+std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol,
+                                const std::shared_ptr<LinkMemory>& memory) {
   const Settings& settings = robot.settings;
   if (protocol == Protocol::modbus) {
     ModbusLinkOptions options;
@@ -49,6 +48,8 @@ std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol) {
     options.port = robot.modbus_port;
     options.unit = settings.modbus.unit;
     options.word_order = settings.modbus.word_order;
+    options.memory = memory;
+    options.status = memory->hint(robot.name);
     return std::make_unique<ModbusLink>(std::move(options));
   }
   TcpLinkOptions options;
@@ -56,7 +57,16 @@ std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol) {
   options.port = robot.status_port;
   options.version = settings.status.version;
   options.status_body = wire::status_request_body(settings.status.request);
+  options.hint = memory->hint(robot.name);
   return std::make_unique<TcpLink>(std::move(options));
+}
+
+}  // namespace
+
+LinkFactory make_links(std::shared_ptr<LinkMemory> memory) {
+  return [memory = std::move(memory)](const RobotConfig& robot, Protocol protocol) {
+    return make_link(robot, protocol, memory);
+  };
 }
 
 Fleet::~Fleet() {

@@ -18,6 +18,7 @@
 #include "recorder/clock.hpp"
 #include "recorder/config.hpp"
 #include "recorder/health.hpp"
+#include "recorder/link/link_memory.hpp"
 #include "recorder/poller.hpp"
 #include "recorder/snapshot.hpp"
 
@@ -25,12 +26,13 @@ namespace tacho::recorder {
 
 /// Makes the link of one robot; tests put their own in.
 using LinkFactory = std::function<std::unique_ptr<Link>(const RobotConfig&, Protocol)>;
-std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol);
+/// Links over sockets that share what they learn through `memory`.
+LinkFactory make_links(std::shared_ptr<LinkMemory> memory);
 
 class Fleet {
  public:
   struct Options {
-    LinkFactory make = make_link;
+    LinkFactory make = make_links(std::make_shared<LinkMemory>());
     SessionId session = 0;
     Micros end_us = 0;  ///< monotonic; no poll is due later
   };

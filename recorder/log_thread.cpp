@@ -250,7 +250,8 @@ void LogThread::tell(const Event& event) {
       options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
       break;
     case EventKind::word_order:
-      options_.notice(fmt::format("{}: word order {}: {}", robot, event.new_value, event.detail));
+      options_.notice(fmt::format("{}: {} {}: {}", robot, event.subject.empty() ? "word order" : event.subject,
+                                  event.new_value, event.detail));
       break;
     default:
       break;

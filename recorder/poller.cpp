@@ -78,26 +78,24 @@ void Poller::serve(Lane& lane, Micros now_us) {
 }
 
 void Poller::poll(Lane& lane) {
-  not_before_us_ = clock_.mono_us() + options_.spacing_us;
+  asked_us_ = clock_.mono_us();
+  not_before_us_ = asked_us_ + options_.spacing_us;
   const std::uint64_t seq = lane.schedule->next();
   PollResult result = link_->poll(lane.plan.source, options_.timeout);
-  const bool ok = result.ok;
-  if (!ok && clock_.stopped_at()) {
+  if (!result.ok && clock_.stopped_at()) {
     result.cause = Cause::shutdown;
     result.detail = "stopped while waiting for the answer";
   }
-  const Cause cause = result.cause;
-  const std::string detail = result.detail;
-  if (cause != Cause::shutdown || ok) {
-    judge_link(lane, seq, ok, cause, detail);
+  if (result.cause != Cause::shutdown || result.ok) {
+    judge_link(lane, seq, result);
   }
   for (const LinkNote& note : result.notes) {
     emit(lane, seq, note);
   }
-  if (ok) {
+  if (result.ok) {
     store(lane, seq, std::move(result));
   } else {
-    miss(lane, 1, cause, detail);
+    miss(lane, 1, result.cause, result.detail);
   }
 }
 
@@ -132,22 +130,25 @@ void Poller::miss(Lane& lane, std::uint64_t count, Cause cause, const std::strin
   lane.counters.missed[static_cast<std::size_t>(cause)] += count;
 }
 
-void Poller::judge_link(const Lane& lane, std::uint64_t seq, bool ok, Cause cause, const std::string& detail) {
+void Poller::judge_link(const Lane& lane, std::uint64_t seq, const PollResult& result) {
   const bool connected = link_->connected();
-  if ((ok || connected) && (!up_.exchange(true) || !announced_)) {
+  if ((result.ok || connected) && (!up_.exchange(true) || !announced_)) {
     announced_ = true;
     emit(lane, seq, {EventKind::link_up, {}, {}, {}, {}});
   }
-  if (connected) {
+  // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
+  if (connected || (result.ok && !result.partial)) {
     outage_.reset();
     return;
   }
-  const Micros backoff =
-      outage_ && !ok ? std::min(outage_->backoff_us * 2, options_.backoff_max_us) : options_.backoff_min_us;
-  outage_ = Outage{cause, detail, clock_.mono_us() + backoff, backoff};
+  // A robot that says it has too many clients is there, and asking soon does not help it; any other is to be heard
+  // within a second of its return.
+  const Micros most = result.cause == Cause::client_limit ? options_.backoff_max_us : options_.retry_max_us;
+  const Micros backoff = std::min(outage_ && !result.ok ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
+  outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
   if (up_.exchange(false) || !announced_) {
     announced_ = true;
-    emit(lane, seq, {EventKind::link_down, {}, {}, std::string(cause_name(cause)), detail});
+    emit(lane, seq, {EventKind::link_down, {}, {}, std::string(cause_name(result.cause)), result.detail});
   }
 }
 

@@ -42,8 +42,10 @@ struct PollerOptions {
   std::vector<PolledSource> sources;
   std::chrono::milliseconds timeout{1000};  ///< connecting included; one sweep for registers
   Micros spacing_us = 100'000;              ///< least distance between the starts of two polls on the connection
+  // From the start of one attempt to the next while there is no connection; doubled after each.
   Micros backoff_min_us = 200'000;
-  Micros backoff_max_us = 5'000'000;
+  Micros retry_max_us = 500'000;
+  Micros backoff_max_us = 5'000'000;  ///< of a robot that refuses further clients (61001)
   Micros gap_flush_us = 60'000'000;
 };
 
@@ -90,7 +92,7 @@ class Poller {
   void poll(Lane& lane);
   void store(Lane& lane, std::uint64_t seq, PollResult result);
   void miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail);
-  void judge_link(const Lane& lane, std::uint64_t seq, bool ok, Cause cause, const std::string& detail);
+  void judge_link(const Lane& lane, std::uint64_t seq, const PollResult& result);
   void emit(const Lane& lane, std::uint64_t seq, const LinkNote& note);
   void flush_old_gaps();
   void finish(Micros end_us);
@@ -104,6 +106,7 @@ class Poller {
   std::optional<Outage> outage_;
   std::atomic<bool> up_{false};
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too
+  Micros asked_us_ = 0;     // when the last poll began
   Micros not_before_us_ = 0;
 };
 

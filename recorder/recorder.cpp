@@ -18,7 +18,8 @@ namespace tacho::recorder {
 
 namespace {
 
-constexpr Micros kForever = 4'000'000'000'000'000;  // 126 years
+constexpr const char* kMemoryFile = "learned.json";  // in the folder of the log
+constexpr Micros kForever = 4'000'000'000'000'000;   // 126 years
 
 std::string host_text() {
   std::array<char, 256> name{};
@@ -59,11 +60,19 @@ struct Recorder::Impl {
   Session session;
   std::vector<std::string> outlook;
   std::map<std::string, RobotId> ids;
+  std::shared_ptr<LinkMemory> memory;
   std::unique_ptr<LogThread> log;
   std::unique_ptr<Fleet> fleet;
 
   Impl(const Config& c, Options o)
       : config(c), options(with_notice(std::move(o))), writer(config.log, writer_options()), ingest(writer) {}
+
+  void remember() {
+    memory = std::make_shared<LinkMemory>(config.log / kMemoryFile);
+    if (!memory->problem().empty()) {
+      options.notice(memory->problem());
+    }
+  }
 
   static Options with_notice(Options options) {
     if (!options.notice) {
@@ -122,7 +131,7 @@ struct Recorder::Impl {
 
   void start() {
     Fleet::Options out;
-    out.make = options.make;
+    out.make = options.make ? options.make : make_links(memory);
     out.session = session.id;
     const Micros start_us = mono_now_us();
     out.end_us = start_us + options.run_for_us.value_or(kForever);
@@ -136,6 +145,9 @@ struct Recorder::Impl {
   void hand_over_planned(store::LogWriter& w) const {
     for (const Fleet::StreamCounts& stream : fleet->streams()) {
       w.planned(stream.id, stream.source, stream.planned);
+    }
+    if (const std::string trouble = memory->save(); !trouble.empty()) {
+      options.notice(trouble);
     }
   }
 
@@ -252,6 +264,7 @@ struct Recorder::Impl {
 };
 
 Recorder::Recorder(const Config& config, Options options) : impl_(std::make_unique<Impl>(config, std::move(options))) {
+  impl_->remember();
   impl_->make_log();
   impl_->begin();
   impl_->start();

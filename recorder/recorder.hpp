@@ -34,7 +34,7 @@ class Recorder {
     std::string config_text;                         ///< kept in the log verbatim
     std::optional<Micros> run_for_us;                ///< empty: until stop()
     std::function<void(const std::string&)> notice;  ///< what a person should see; called from the writer's thread
-    LinkFactory make = make_link;
+    LinkFactory make;  ///< empty: links over sockets that remember what they learn in the log's folder
     std::size_t queue_items = 20'000;
     std::size_t queue_bytes = 64u << 20;
   };

@@ -1,15 +1,12 @@
 #include "recorder/link/modbus_link.hpp"
 
 #include <fmt/format.h>
-#include <modbus/modbus.h>
 
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <cerrno>
-#include <new>
+#include <cstdlib>
 #include <span>
-#include <system_error>
 #include <utility>
 
 #include "schema/time.hpp"
@@ -18,6 +15,8 @@ namespace tacho::recorder {
 
 namespace {
 
+constexpr int kIllegalAddress = 2;
+constexpr int kIllegalValue = 3;
 constexpr unsigned kSweepsBetweenGuesses = 50;  // while the word order is undecided
 
 std::string_view exception_words(int code) {
@@ -34,7 +33,7 @@ std::string_view exception_words(int code) {
                                                            "gateway path unavailable",
                                                            "gateway target did not respond"};
   const auto index = static_cast<std::size_t>(code);
-  return index < kWords.size() ? kWords[index] : std::string_view();
+  return index < kWords.size() && !kWords[index].empty() ? kWords[index] : "of no known meaning";
 }
 
 std::string exception_text(int code) { return fmt::format("exception {} ({})", code, exception_words(code)); }
@@ -72,6 +71,7 @@ struct ModbusLink::Sweep {
   std::vector<wire::Range> read;
   Cause cause = Cause::modbus_exception;
   std::string why;  // of the first request that failed, refusals that taught the plan something included
+  Micros t_send_us = 0;
   Micros t_recv_us = 0;
 
   void failed(Cause c, std::string text) {
@@ -83,27 +83,41 @@ struct ModbusLink::Sweep {
   }
 };
 
-// Only freed, never closed: the socket belongs to Socket.
-void ModbusLink::Free::operator()(_modbus* context) const { modbus_free(context); }
-
 ModbusLink::ModbusLink(ModbusLinkOptions options)
-    : options_(std::move(options)),
-      socket_(options_.host, options_.port),
-      context_(modbus_new_tcp(nullptr, options_.port)) {
-  if (!context_) {
-    throw std::bad_alloc();
-  }
-  modbus_set_error_recovery(context_.get(), MODBUS_ERROR_RECOVERY_NONE);
-  modbus_set_slave(context_.get(), options_.unit);
-  // Zero: the whole answer, not its first byte, must arrive within the response timeout.
-  modbus_set_byte_timeout(context_.get(), 0, 0);
+    : options_(std::move(options)), socket_(options_.host, options_.port) {
+  recall();
 }
 
-ModbusLink::~ModbusLink() = default;
+std::string ModbusLink::known_as() const { return fmt::format("{} unit {}", socket_.address(), options_.unit); }
 
-void ModbusLink::close() {
-  modbus_set_socket(context_.get(), -1);
-  socket_.close();
+void ModbusLink::recall() {
+  if (!options_.memory) {
+    return;
+  }
+  const LearnedRobot known = options_.memory->recall(known_as());
+  remembered_ = known.word_order;
+  shift_ = known.shift;
+  const auto restore = [](const LearnedPlan& learned, Planned& planned) {
+    planned.learned_us = planned.plan.restore(learned.ranges, learned.illegal) ? learned.at_us : 0;
+  };
+  restore(known.registers, registers_);
+  restore(known.inputs, inputs_);
+}
+
+void ModbusLink::learn() {
+  if (!options_.memory) {
+    return;
+  }
+  const auto learned = [](const Planned& planned) {
+    return planned.plan.learned() ? LearnedPlan{planned.plan.ranges(), planned.plan.illegal(), planned.learned_us}
+                                  : LearnedPlan{};
+  };
+  LearnedRobot robot;
+  robot.word_order = guess_ && guess_->sure ? guess_->order : remembered_;
+  robot.shift = shift_;
+  robot.registers = learned(registers_);
+  robot.inputs = learned(inputs_);
+  options_.memory->learn(known_as(), robot);
 }
 
 ModbusLink::Planned& ModbusLink::planned(Source source) {
@@ -115,102 +129,125 @@ const RegisterPlan& ModbusLink::plan(Source source) const {
   return source == Source::inputs ? inputs_.plan : registers_.plan;
 }
 
-bool ModbusLink::ready(Micros deadline_us, PollResult& result) {
+/// A connection to ask on. One that was closed, or that holds bytes nobody asked for, is replaced, also within a sweep:
+/// some servers close after every answer.
+Failure ModbusLink::ready(Micros deadline_us) {
   if (socket_.connected() && socket_.idle() != Socket::Idle::ok) {
     close();
   }
-  if (!socket_.connected()) {
-    ConnectFailure failure = socket_.connect(deadline_us);
-    if (failure.failed) {
-      result.cause = failure.cause;
-      result.detail = std::move(failure.detail);
-      return false;
-    }
-    modbus_set_socket(context_.get(), socket_.fd());
-  }
-  return true;
+  return socket_.connected() ? Failure{} : socket_.connect(deadline_us);
 }
 
-Reply ModbusLink::refuse(Sweep& sweep, wire::Range range, int error) {
-  if (error > MODBUS_ENOBASE && error < MODBUS_ENOBASE + MODBUS_EXCEPTION_MAX) {
-    const int code = error - MODBUS_ENOBASE;
-    sweep.failed(Cause::modbus_exception, fmt::format("{}: {} at {}{}", socket_.address(), exception_text(code),
-                                                      sweep.discrete ? "[1x]" : "[3x]", range_text(range)));
-    return code == MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS ? Reply::bad_address
-           : code == MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE ? Reply::bad_count
-                                                         : Reply::failed;
-  }
-  // A connection with an unanswered or misunderstood request is useless: the next answer could be this one's.
+Reply ModbusLink::refused(Sweep& sweep, wire::Range range, int code) {
+  sweep.failed(Cause::modbus_exception, fmt::format("{}: {} at {}{}", socket_.address(), exception_text(code),
+                                                    sweep.discrete ? "[1x]" : "[3x]", range_text(range)));
+  return code == kIllegalAddress ? Reply::bad_address : code == kIllegalValue ? Reply::bad_count : Reply::failed;
+}
+
+/// A connection with an unanswered or misunderstood request is useless: the next answer could be this one's.
+Reply ModbusLink::give_up(Sweep& sweep, Cause cause, std::string why) {
   close();
-  if (error == ETIMEDOUT) {
-    sweep.failed(Cause::timeout,
-                 fmt::format("{}: connected, but no answer to unit {}; a robot with another modbusSlaveId stays "
-                             "silent, see `unit`",
-                             socket_.address(), options_.unit));
-  } else if (error == ECONNRESET || error == EPIPE || error == ECONNABORTED || error == EBADF) {
-    sweep.failed(Cause::closed, fmt::format("{}: closed by the robot", socket_.address()));
-  } else {
-    sweep.failed(error >= MODBUS_ENOBASE ? Cause::malformed : Cause::closed,
-                 fmt::format("{}: {}; is this a Modbus TCP port (502)?", socket_.address(), modbus_strerror(error)));
-  }
+  sweep.failed(cause, std::move(why));
   return Reply::stop;
 }
 
+/// Sends one request and waits for its answer, which points into `buffer`.
+ModbusLink::Exchanged ModbusLink::exchange(const mbap::Request& request, Micros deadline_us, Buffer& buffer) {
+  Exchanged out;
+  out.failure = socket_.send(mbap::encode(request), deadline_us);
+  std::size_t size = 0;
+  while (!out.failure.failed && out.answer.verdict == mbap::Verdict::incomplete) {
+    Received got = socket_.receive(std::span(buffer).subspan(size), deadline_us);
+    out.failure = std::move(got.failure);
+    size += got.bytes.size();
+    out.answer = mbap::judge({buffer.data(), size}, request);
+  }
+  out.trailing = out.answer.size != 0 && size > out.answer.size;
+  if (out.failure.failed && out.failure.cause == Cause::timeout) {
+    out.failure.detail = size == 0 ? fmt::format(
+                                         "{}: connected, but no answer to unit {}; a robot with another "
+                                         "modbusSlaveId stays silent, see `unit`",
+                                         socket_.address(), options_.unit)
+                                   : fmt::format("{}: only {} bytes of an answer", socket_.address(), size);
+  }
+  return out;
+}
+
 Reply ModbusLink::read(Sweep& sweep, wire::Range range) {
-  const Micros left = sweep.deadline_us - mono_now_us();
-  if (left <= 0) {
+  if (sweep.deadline_us <= mono_now_us()) {
     sweep.failed(Cause::timeout, fmt::format("{}: the sweep took too long", socket_.address()));
     return Reply::stop;
   }
-  modbus_set_response_timeout(context_.get(), static_cast<std::uint32_t>(left / 1'000'000),
-                              static_cast<std::uint32_t>(left % 1'000'000));
-  const int address = range.first - 1;  // documented from 1, sent from 0
-  std::array<std::uint16_t, MODBUS_MAX_READ_REGISTERS> words{};
-  std::array<std::uint8_t, MODBUS_MAX_READ_BITS> bits{};
-  assert(range.count <= words.size());
-  errno = 0;
-  const int got = sweep.discrete ? modbus_read_input_bits(context_.get(), address, range.count, bits.data())
-                                 : modbus_read_input_registers(context_.get(), address, range.count, words.data());
-  const int error = errno;
-  if (got != range.count) {
-    return refuse(sweep, range, got < 0 ? error : EMBBADDATA);
+  if (Failure failure = ready(sweep.deadline_us); failure.failed) {
+    return give_up(sweep, failure.cause, std::move(failure.detail));
   }
-  sweep.t_recv_us = wall_now_us();
-  sweep.read.push_back(range);
-  if (sweep.discrete) {
-    wire::append_bits(sweep.image, range, std::span(bits).first(range.count));
-  } else {
-    wire::append_words(sweep.image, range, std::span(words).first(range.count));
+  mbap::Request request;
+  request.transaction = ++transaction_;
+  request.unit = static_cast<std::uint8_t>(options_.unit);
+  request.function = sweep.discrete ? mbap::Function::discrete_inputs : mbap::Function::input_registers;
+  request.address = static_cast<std::uint16_t>(range.first - 1 + shift_);  // documented from 1, sent from 0
+  request.count = range.count;
+  sweep.t_send_us = sweep.t_send_us == 0 ? wall_now_us() : sweep.t_send_us;
+  Buffer buffer;  // uninitialised on purpose: written by receive
+  const Exchanged got = exchange(request, sweep.deadline_us, buffer);
+  if (got.failure.failed) {
+    return give_up(sweep, got.failure.cause, got.failure.detail);
   }
-  return Reply::ok;
+  const Reply reply = take(sweep, range, got.answer);
+  if (got.trailing) {
+    close();  // more than one answer to one question: this connection is out of step
+  }
+  return reply;
+}
+
+Reply ModbusLink::take(Sweep& sweep, wire::Range range, const mbap::Answer& answer) {
+  switch (answer.verdict) {
+    case mbap::Verdict::data:
+      sweep.t_recv_us = wall_now_us();
+      sweep.read.push_back(range);
+      wire::append_range(sweep.image, range, answer.payload);
+      return Reply::ok;
+    case mbap::Verdict::exception:
+      return refused(sweep, range, answer.exception);
+    case mbap::Verdict::other_request:
+      return give_up(sweep, Cause::wrong_sequence, fmt::format("{}: {}", socket_.address(), answer.why));
+    case mbap::Verdict::malformed:
+    case mbap::Verdict::incomplete:
+      break;
+  }
+  return give_up(sweep, Cause::malformed,
+                 fmt::format("{}: {}; is this a Modbus TCP port (502)?", socket_.address(), answer.why));
 }
 
 void ModbusLink::run(Planned& planned, Sweep& sweep, PollResult& result) {
   RegisterPlan& plan = planned.plan;
-  if (plan.learned() && mono_now_us() - planned.learned_us > options_.relearn_us) {
+  // Both ways: a wall clock that was set must not keep a refusal for years.
+  if (plan.learned() && std::abs(wall_now_us() - planned.learned_us) > options_.relearn_us) {
     plan.forget();
   }
   const bool had_learned = plan.learned();
-  const std::vector<wire::Range> known_illegal = plan.illegal();
-  result.t_send_us = wall_now_us();
+  // What an earlier recording found to be illegal is said once in this one as well.
+  const std::vector<wire::Range> known_illegal = planned.told ? plan.illegal() : std::vector<wire::Range>();
   const std::vector<wire::Range> news = plan.sweep([&](wire::Range range) { return read(sweep, range); });
   if (plan.learned() && !had_learned) {
-    planned.learned_us = mono_now_us();
+    planned.learned_us = wall_now_us();
   }
   result.ok = !sweep.image.empty();
+  result.t_send_us = sweep.t_send_us;
   result.t_recv_us = sweep.t_recv_us;
   result.cause = sweep.cause;
   if (!result.ok) {
     result.detail = std::move(sweep.why);
     return;
   }
+  planned.told = true;
   std::vector<wire::Range> have = sweep.read;
   have.insert(have.end(), known_illegal.begin(), known_illegal.end());
   const std::vector<wire::Range> missing = not_covered(wire::documented_runs(sweep.discrete), have);
   result.partial = !missing.empty();
   if (result.partial) {
-    result.detail =
-        fmt::format("missing {}{}: {}", sweep.discrete ? "[1x]" : "[3x]", wire::to_text(missing), sweep.why);
+    result.detail = fmt::format("missing {}{}: {}", sweep.discrete ? "[1x]" : "[3x]", wire::to_text(missing),
+                                sweep.why.empty() ? "refused in an earlier recording" : sweep.why);
     if (!news.empty()) {
       result.detail +=
           fmt::format("; {} not asked again for {}", wire::to_text(news), duration_text(options_.relearn_us));
@@ -219,30 +256,67 @@ void ModbusLink::run(Planned& planned, Sweep& sweep, PollResult& result) {
   result.body = std::move(sweep.image);
 }
 
-void ModbusLink::detect(PollResult& result) {
-  if (options_.word_order || (guess_ && guess_->sure) || sweeps_until_guess_-- > 0) {
-    return;
+/// False when the sweep was asked for at the wrong addresses.
+bool ModbusLink::detect(PollResult& result) {
+  if (settled_ || sweeps_until_guess_-- > 0) {
+    return true;
   }
   sweeps_until_guess_ = kSweepsBetweenGuesses;
   const bool first = !guess_;
-  guess_ = guess_word_order(result.body, socket_.peer());
+  const std::string status = options_.status ? options_.status->recent() : std::string();
+  WordOrderGuess guess = guess_word_order({result.body, socket_.peer(), status});
+  if (const int shift = shift_ - guess.shift; shift != shift_ && (shift == 0 || shift == 1)) {
+    shift_ = shift;
+    registers_ = {RegisterPlan(false)};  // what was refused were other addresses
+    inputs_ = {RegisterPlan(true)};
+    result.notes.push_back({EventKind::word_order, "address shift", {}, std::to_string(shift_), guess.why});
+    sweeps_until_guess_ = 0;
+    return false;
+  }
+  settled_ = guess.sure || options_.word_order;
+  if (options_.word_order) {
+    return true;
+  }
+  if (!guess.sure && remembered_) {
+    guess.order = *remembered_;
+    guess.why = "remembered from an earlier recording; " + guess.why;
+  } else if (guess.sure && remembered_ && *remembered_ != guess.order) {
+    guess.why += fmt::format("; earlier recordings had {}", word_order_name(*remembered_));
+  }
+  guess_ = std::move(guess);
   if (first || guess_->sure) {
     result.word_order = guess_->order;
     result.notes.push_back({EventKind::word_order, {}, {}, std::string(word_order_name(guess_->order)), guess_->why});
   }
+  return true;
+}
+
+/// One sweep, and a second one in the time that is left when the first shows that addresses are other than documented.
+PollResult ModbusLink::ask(Source source, Micros deadline_us) {
+  PollResult result;
+  for (const bool last : {false, true}) {
+    Sweep sweep;
+    sweep.discrete = source == Source::inputs;
+    sweep.deadline_us = deadline_us;
+    std::vector<LinkNote> notes = std::move(result.notes);
+    result = PollResult();
+    result.notes = std::move(notes);
+    run(planned(source), sweep, result);
+    if (!result.ok || source != Source::registers || detect(result)) {
+      break;
+    }
+    if (last) {  // found nowhere: better no answer than one with wrong names
+      result.ok = false;
+      result.cause = Cause::malformed;
+      result.detail = fmt::format("{}: the robot's address moves in its registers", socket_.address());
+    }
+  }
+  return result;
 }
 
 PollResult ModbusLink::poll(Source source, std::chrono::milliseconds timeout) {
-  PollResult result;
-  Sweep sweep;
-  sweep.discrete = source == Source::inputs;
-  sweep.deadline_us = mono_now_us() + std::chrono::microseconds(timeout).count();
-  if (ready(sweep.deadline_us, result)) {
-    run(planned(source), sweep, result);
-    if (result.ok && source == Source::registers) {
-      detect(result);
-    }
-  }
+  PollResult result = ask(source, mono_now_us() + std::chrono::microseconds(timeout).count());
+  learn();
   if (!result.ok && socket_.interrupted()) {
     result.cause = Cause::shutdown;
   }

@@ -1,22 +1,22 @@
 #pragma once
-// Modbus TCP: input registers (FC4) and discrete inputs (FC2), nothing else. libmodbus codes the frames; connecting,
-// deadlines and recovery are ours (RECORDER-LESSONS: its own recovery sleeps inside the library, its own connect has no
-// usable deadline, and a socket kept after a timeout yields wrong answers for ever).
+// Modbus TCP: input registers (FC4) and discrete inputs (FC2), nothing else. The connection is closed after everything
+// but a whole answer to the request just sent, so that no answer can be taken for another one.
 //
 // One poll is one sweep over all ranges and yields one image. When a request of a sweep fails, what was read is kept
 // and `partial` says what is missing.
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "recorder/link/link.hpp"
+#include "recorder/link/link_memory.hpp"
+#include "recorder/link/mbap.hpp"
 #include "recorder/link/register_plan.hpp"
 #include "recorder/link/socket.hpp"
 #include "recorder/link/word_order.hpp"
-
-struct _modbus;
 
 namespace tacho::recorder {
 
@@ -26,45 +26,62 @@ struct ModbusLinkOptions {
   int unit = 1;                         ///< robot parameter modbusSlaveId; 0 to 247 or 255
   std::optional<WordOrder> word_order;  ///< empty: detect
   Micros relearn_us = 3'600'000'000;    ///< how long a refused address is not asked for again
+  std::shared_ptr<LinkMemory> memory;   ///< what earlier links have learned, and where to put more; may be null
+  std::shared_ptr<StatusHint> status;   ///< what the robot's status port says, to compare with; may be null
 };
 
 class ModbusLink final : public Link {
  public:
   explicit ModbusLink(ModbusLinkOptions options);
-  ~ModbusLink() override;
 
   /// `source`: registers or inputs.
   PollResult poll(Source source, std::chrono::milliseconds timeout) override;
   [[nodiscard]] bool connected() const override { return socket_.connected(); }
-  void close() override;
+  void close() override { socket_.close(); }
   void interrupt() override { socket_.interrupt(); }
 
   [[nodiscard]] const RegisterPlan& plan(Source source) const;
   /// The word order found so far; empty before the first registers answer or when it is configured.
   [[nodiscard]] const std::optional<WordOrderGuess>& word_order() const { return guess_; }
+  /// What is added to an address that is sent: 0 when a documented address is sent minus one, as it should be.
+  [[nodiscard]] int shift() const { return shift_; }
 
  private:
   struct Planned {
     RegisterPlan plan;
-    Micros learned_us = 0;
+    Micros learned_us = 0;  // wall clock, because it outlives a restart
+    bool told = false;      // a sweep has said what is missing
   };
   struct Sweep;
-  Planned& planned(Source source);
-  bool ready(Micros deadline_us, PollResult& result);
-  void run(Planned& planned, Sweep& sweep, PollResult& result);
-  Reply read(Sweep& sweep, wire::Range range);
-  Reply refuse(Sweep& sweep, wire::Range range, int error);
-  void detect(PollResult& result);
-
-  struct Free {
-    void operator()(_modbus* context) const;
+  using Buffer = std::array<char, 2 * mbap::kMaxFrameBytes>;  // room to notice a second answer
+  struct Exchanged {
+    Failure failure;
+    mbap::Answer answer;
+    bool trailing = false;  // bytes behind the answer: this connection is out of step
   };
+  Planned& planned(Source source);
+  Failure ready(Micros deadline_us);
+  PollResult ask(Source source, Micros deadline_us);
+  void run(Planned& planned, Sweep& sweep, PollResult& result);
+  Exchanged exchange(const mbap::Request& request, Micros deadline_us, Buffer& buffer);
+  Reply read(Sweep& sweep, wire::Range range);
+  Reply take(Sweep& sweep, wire::Range range, const mbap::Answer& answer);
+  Reply refused(Sweep& sweep, wire::Range range, int code);
+  Reply give_up(Sweep& sweep, Cause cause, std::string why);
+  bool detect(PollResult& result);
+  void recall();
+  void learn();
+  [[nodiscard]] std::string known_as() const;
+
   ModbusLinkOptions options_;
   Socket socket_;
-  std::unique_ptr<_modbus, Free> context_;
-  Planned registers_{RegisterPlan(false), 0};
-  Planned inputs_{RegisterPlan(true), 0};
+  std::uint16_t transaction_ = 0;
+  Planned registers_{RegisterPlan(false)};
+  Planned inputs_{RegisterPlan(true)};
   std::optional<WordOrderGuess> guess_;
+  std::optional<WordOrder> remembered_;
+  int shift_ = 0;         // 0 or 1: a smaller one could not reach the first register
+  bool settled_ = false;  // nothing left to detect
   unsigned sweeps_until_guess_ = 0;
 };
 

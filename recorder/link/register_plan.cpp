@@ -10,6 +10,8 @@ namespace {
 
 using wire::Range;
 
+constexpr std::uint16_t kMaxCount = 125;  // of one request, by the protocol
+
 std::uint32_t end_of(Range r) { return static_cast<std::uint32_t>(r.first) + r.count; }
 
 Range between(std::uint32_t first, std::uint32_t end) {
@@ -46,6 +48,33 @@ RegisterPlan::RegisterPlan(bool discrete) : discrete_(discrete), ranges_(wire::p
 void RegisterPlan::forget() {
   ranges_ = wire::plan_ranges(discrete_);
   learned_ = false;
+}
+
+bool RegisterPlan::restore(const std::vector<Range>& ranges, const std::vector<Range>& illegal) {
+  std::vector<Range> all = ranges;
+  append(all, illegal);
+  std::sort(all.begin(), all.end(), [](Range a, Range b) { return a.first < b.first; });
+  const bool whole = std::none_of(all.begin(), all.end(), [this](Range r) {
+    return r.first == 0 || r.count == 0 || r.count > kMaxCount || inside_value(discrete_, r.first) ||
+           inside_value(discrete_, end_of(r));
+  });
+  const bool apart =
+      std::adjacent_find(all.begin(), all.end(), [](Range a, Range b) { return end_of(a) > b.first; }) == all.end();
+  const std::vector<Range> runs = wire::documented_runs(discrete_);
+  const bool complete = std::all_of(runs.begin(), runs.end(), [&](Range run) {
+    std::uint32_t next = run.first;
+    for (const Range r : all) {
+      next = r.first <= next ? std::max(next, end_of(r)) : next;
+    }
+    return next >= end_of(run);
+  });
+  if (ranges.empty() || !whole || !apart || !complete) {
+    return false;
+  }
+  ranges_ = ranges;
+  illegal_ = illegal;
+  learned_ = true;
+  return true;
 }
 
 std::vector<Range> RegisterPlan::runs_inside(Range range) const {

@@ -37,6 +37,9 @@ class RegisterPlan {
   [[nodiscard]] const std::vector<wire::Range>& ranges() const { return ranges_; }
   [[nodiscard]] const std::vector<wire::Range>& illegal() const { return illegal_; }
   [[nodiscard]] bool learned() const { return learned_; }
+  /// Takes over what an earlier plan has learned. False, and nothing changed, when these cannot be the ranges of such a
+  /// plan: documented registers, no value split, nothing asked that is illegal, everything else asked.
+  [[nodiscard]] bool restore(const std::vector<wire::Range>& ranges, const std::vector<wire::Range>& illegal);
   /// Back to the first plan: a restarted or updated robot may answer what it refused before.
   void forget();
 

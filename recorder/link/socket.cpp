@@ -7,7 +7,6 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <sys/select.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -24,9 +23,13 @@ namespace tacho::recorder {
 
 namespace {
 
+constexpr Micros kFirstAttempt = 500'000;
+
+bool would_block(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
+
 std::string words(int error) { return std::generic_category().message(error); }
 
-ConnectFailure failure(int error, const std::string& address) {
+Failure failure(int error, const std::string& address) {
   switch (error) {
     case ECONNREFUSED:
       return {true, Cause::connect_refused,
@@ -109,7 +112,7 @@ void Socket::interrupt() {
   const std::lock_guard lock(mutex_);
   interrupted_ = true;
   if (fd_ >= 0) {
-    ::shutdown(fd_, SHUT_RDWR);  // wakes poll(2) and select(2) in the owner thread; the owner closes
+    ::shutdown(fd_, SHUT_RDWR);  // wakes poll(2) in the owner thread; the owner closes
   }
 }
 
@@ -128,14 +131,16 @@ bool Socket::wait(short events, Micros deadline_us) const {
   }
 }
 
-ConnectFailure Socket::try_address(const addrinfo& address, Micros deadline_us) {
+Failure Socket::try_address(const addrinfo& address, Micros deadline_us) {
+  const Micros now_us = mono_now_us();
+  const Failure first = attempt(address, now_us + std::min(kFirstAttempt, (deadline_us - now_us) / 2));
+  return first.cause == Cause::connect_timeout && first.failed ? attempt(address, deadline_us) : first;
+}
+
+Failure Socket::attempt(const addrinfo& address, Micros deadline_us) {
   const int fd = ::socket(address.ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (fd < 0) {
     return failure(errno, this->address());
-  }
-  if (fd >= FD_SETSIZE) {  // libmodbus waits with select(2)
-    ::close(fd);
-    return failure(EMFILE, this->address());
   }
   if (!adopt(fd)) {
     return {true, Cause::shutdown, "stopping"};
@@ -160,7 +165,7 @@ ConnectFailure Socket::try_address(const addrinfo& address, Micros deadline_us) 
   return {};
 }
 
-ConnectFailure Socket::connect(Micros deadline_us) {
+Failure Socket::connect(Micros deadline_us) {
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
   hints.ai_socktype = SOCK_STREAM;
@@ -175,13 +180,13 @@ ConnectFailure Socket::connect(Micros deadline_us) {
   return connect(list.get(), deadline_us);
 }
 
-ConnectFailure Socket::connect(const addrinfo* addresses, Micros deadline_us) {
+Failure Socket::connect(const addrinfo* addresses, Micros deadline_us) {
   close();
   std::size_t left = 0;
   for (const addrinfo* item = addresses; item != nullptr; item = item->ai_next) {
     ++left;
   }
-  ConnectFailure last{true, Cause::unreachable, address() + ": no address"};
+  Failure last{true, Cause::unreachable, address() + ": no address"};
   for (const addrinfo* item = addresses; item != nullptr; item = item->ai_next, --left) {
     last = try_address(*item, attempt_deadline(mono_now_us(), deadline_us, left));
     if (!last.failed || last.cause == Cause::shutdown) {
@@ -194,13 +199,44 @@ ConnectFailure Socket::connect(const addrinfo* addresses, Micros deadline_us) {
   return last;
 }
 
+Failure Socket::send(std::string_view bytes, Micros deadline_us) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (n > 0) {
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    } else if (!would_block(errno)) {
+      return {true, Cause::closed, fmt::format("{}: {}", address(), words(errno))};
+    } else if (!wait(POLLOUT, deadline_us)) {
+      return {true, Cause::timeout, fmt::format("{}: the request could not be sent in time", address())};
+    }
+  }
+  return {};
+}
+
+Received Socket::receive(std::span<char> buffer, Micros deadline_us) {
+  for (;;) {
+    if (mono_now_us() >= deadline_us || !wait(POLLIN, deadline_us)) {
+      return {{true, Cause::timeout, fmt::format("{}: no answer in time", address())}, {}};
+    }
+    const ssize_t n = ::recv(fd_, buffer.data(), buffer.size(), 0);
+    if (n > 0) {
+      return {{}, {buffer.data(), static_cast<std::size_t>(n)}};
+    }
+    if (n == 0 || !would_block(errno)) {
+      return {{true, Cause::closed,
+               fmt::format("{}: {}", address(), n == 0 ? std::string("closed by the robot") : words(errno))},
+              {}};
+    }
+  }
+}
+
 Socket::Idle Socket::idle() const {
   char byte = 0;
   const ssize_t n = ::recv(fd_, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
   if (n > 0) {
     return Idle::unexpected_bytes;
   }
-  return n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR) ? Idle::ok : Idle::closed;
+  return n < 0 && would_block(errno) ? Idle::ok : Idle::closed;
 }
 
 }  // namespace tacho::recorder

@@ -1,11 +1,13 @@
 #pragma once
-// A TCP client socket whose connect has a deadline. libmodbus' own connect has none that can be trusted (its timeout
-// leaves errno undefined in 3.1.6), so both links connect here.
+// A TCP client socket all of whose calls have a deadline. Both links connect, send and receive here, and nothing else
+// in the recorder sends to a robot.
 
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "schema/records.hpp"
 
@@ -20,10 +22,15 @@ int remaining_ms(Micros deadline_us);
 /// address that never answers leaves the others their share, one that fails at once leaves them all of its own.
 [[nodiscard]] Micros attempt_deadline(Micros now_us, Micros deadline_us, std::size_t left);
 
-struct ConnectFailure {
+struct Failure {
   bool failed = false;
   Cause cause = Cause::connect_refused;
-  std::string detail;  ///< the system's words and what to look at; empty when connected
+  std::string detail;  ///< the system's words and what to look at; empty when nothing failed
+};
+
+struct Received {
+  Failure failure;
+  std::string_view bytes;  ///< in the caller's buffer; at least one when nothing failed
 };
 
 /// One owner thread; only interrupt() may be called from another.
@@ -36,14 +43,16 @@ class Socket {
 
   /// Connects until `deadline_us` (monotonic). A host name is resolved again before every attempt; that lookup is the
   /// resolver's and knows no deadline, so addresses are better than names. Of several addresses each gets its share of
-  /// the time: attempt_deadline().
-  ConnectFailure connect(Micros deadline_us);
+  /// the time: attempt_deadline(). A silent one is tried twice in it, because the kernel repeats a lost SYN only after
+  /// a second, and a robot that has just come back should not be missed by that.
+  Failure connect(Micros deadline_us);
   /// The same to addresses that are resolved already, in their order.
-  ConnectFailure connect(const addrinfo* addresses, Micros deadline_us);
+  Failure connect(const addrinfo* addresses, Micros deadline_us);
   [[nodiscard]] bool connected() const { return fd_ >= 0; }
-  [[nodiscard]] int fd() const { return fd_; }  ///< non-blocking; -1 when not connected
-  /// Waits for `events` (poll(2)) until the deadline; false at the deadline.
-  [[nodiscard]] bool wait(short events, Micros deadline_us) const;
+  /// Sends all of it, or fails with `timeout` at the deadline or `closed`.
+  Failure send(std::string_view bytes, Micros deadline_us);
+  /// Waits for some bytes. Fails with `timeout` at the deadline, however many bytes keep coming, or with `closed`.
+  Received receive(std::span<char> buffer, Micros deadline_us);
   void close();
   void interrupt();
   [[nodiscard]] bool interrupted() const;
@@ -57,7 +66,9 @@ class Socket {
 
  private:
   bool adopt(int fd);
-  ConnectFailure try_address(const addrinfo& address, Micros deadline_us);
+  [[nodiscard]] bool wait(short events, Micros deadline_us) const;
+  Failure try_address(const addrinfo& address, Micros deadline_us);
+  Failure attempt(const addrinfo& address, Micros deadline_us);
 
   std::string host_;
   std::uint16_t port_;

@@ -1,12 +1,8 @@
 #include "recorder/link/tcp_link.hpp"
 
 #include <fmt/format.h>
-#include <poll.h>
-#include <sys/socket.h>
 
 #include <cassert>
-#include <cerrno>
-#include <system_error>
 #include <utility>
 
 #include "schema/time.hpp"
@@ -16,6 +12,7 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kStrangeConnections = 3;
+constexpr int kMatchesToBelieve = 3;
 constexpr std::size_t kMaxErrorText = 2u << 10;
 
 std::string hex(const std::array<char, wire::kHeaderBytes>& bytes) {
@@ -26,8 +23,6 @@ std::string hex(const std::array<char, wire::kHeaderBytes>& bytes) {
   return text;
 }
 
-bool would_block(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
-
 }  // namespace
 
 TcpLink::TcpLink(TcpLinkOptions options) : options_(std::move(options)), socket_(options_.host, options_.port) {}
@@ -37,61 +32,39 @@ void TcpLink::close() {
   decoder_.reset();
 }
 
-TcpLink::Outcome TcpLink::ready(Micros deadline_us) {
+Failure TcpLink::ready(Micros deadline_us) {
   // An idle connection that was closed, or that holds bytes nobody asked for, is replaced before it costs a poll.
   if (socket_.connected() && socket_.idle() != Socket::Idle::ok) {
     close();
   }
-  if (!socket_.connected()) {
-    decoder_.reset();
-    fresh_ = true;
-    const ConnectFailure failure = socket_.connect(deadline_us);
-    if (failure.failed) {
-      return {false, failure.cause, failure.detail};
-    }
+  if (socket_.connected()) {
+    return {};
   }
-  return {true, {}, {}};
+  decoder_.reset();
+  fresh_ = true;
+  return socket_.connect(deadline_us);
 }
 
-TcpLink::Outcome TcpLink::send(std::string_view bytes, Micros deadline_us) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::send(socket_.fd(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
-    if (n > 0) {
-      bytes.remove_prefix(static_cast<std::size_t>(n));
-    } else if (!would_block(errno)) {
-      return {false, Cause::closed, fmt::format("{}: {}", socket_.address(), std::generic_category().message(errno))};
-    } else if (!socket_.wait(POLLOUT, deadline_us)) {
-      return {false, Cause::timeout, fmt::format("{}: the request could not be sent in time", socket_.address())};
-    }
-  }
-  return {true, {}, {}};
-}
-
-TcpLink::Outcome TcpLink::receive(wire::Frame& frame, Micros deadline_us) {
-  std::array<char, 65536> buffer;  // uninitialised on purpose: written by recv
+Failure TcpLink::receive(wire::Frame& frame, Micros deadline_us) {
+  std::array<char, 65536> buffer;  // uninitialised on purpose: written by receive
   for (;;) {
-    if (!socket_.wait(POLLIN, deadline_us)) {
-      return {false, Cause::timeout,
-              decoder_.buffered() == 0
-                  ? fmt::format("{}: connected, but no answer", socket_.address())
-                  : fmt::format("{}: only {} bytes of an answer", socket_.address(), decoder_.buffered())};
+    Received got = socket_.receive(buffer, deadline_us);
+    const std::size_t buffered = decoder_.buffered();
+    if (got.failure.failed && got.failure.cause == Cause::timeout) {
+      got.failure.detail = buffered == 0 ? fmt::format("{}: connected, but no answer", socket_.address())
+                                         : fmt::format("{}: only {} bytes of an answer", socket_.address(), buffered);
+    } else if (got.failure.failed && buffered > 0) {
+      got.failure.detail += fmt::format(" after {} bytes", buffered);
     }
-    const ssize_t n = ::recv(socket_.fd(), buffer.data(), buffer.size(), 0);
-    if (n < 0 && would_block(errno)) {
-      continue;
+    if (got.failure.failed) {
+      return got.failure;
     }
-    if (n <= 0) {
-      return {false, Cause::closed,
-              fmt::format("{}: {}{}", socket_.address(),
-                          n == 0 ? "closed by the robot" : std::generic_category().message(errno),
-                          decoder_.buffered() == 0 ? "" : fmt::format(" after {} bytes", decoder_.buffered()))};
-    }
-    decoder_.feed({buffer.data(), static_cast<std::size_t>(n)});
+    decoder_.feed(got.bytes);
     if (decoder_.next(frame)) {
-      return {true, {}, {}};
+      return {};
     }
     if (decoder_.bad()) {
-      return {false, Cause::malformed,
+      return {true, Cause::malformed,
               fmt::format("{}: {}; is this a robot's status port (19204)?", socket_.address(), decoder_.why())};
     }
   }
@@ -104,22 +77,22 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
   const std::uint16_t request = source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
   wire::Frame frame;
 
-  Outcome outcome = ready(deadline_us);
-  if (outcome.ok) {
+  Failure failure = ready(deadline_us);
+  if (!failure.failed) {
     ++sequence_;
     const std::string bytes = wire::encode_frame(options_.version, sequence_, request,
                                                  source == Source::io ? std::string_view() : options_.status_body);
     result.t_send_us = wall_now_us();
-    outcome = send(bytes, deadline_us);
+    failure = socket_.send(bytes, deadline_us);
   }
-  if (outcome.ok) {
-    outcome = receive(frame, deadline_us);
+  if (!failure.failed) {
+    failure = receive(frame, deadline_us);
     result.t_recv_us = wall_now_us();
   }
-  if (!outcome.ok) {
+  if (failure.failed) {
     close();
-    result.cause = socket_.interrupted() ? Cause::shutdown : outcome.cause;
-    result.detail = std::move(outcome.detail);
+    result.cause = socket_.interrupted() ? Cause::shutdown : failure.cause;
+    result.detail = std::move(failure.detail);
     return result;
   }
   const bool trailing = decoder_.buffered() > 0;
@@ -127,11 +100,15 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
   judge(frame, first, source, result);
   if (trailing) {
     close();  // more than one answer to one question: this connection is out of step
+    result.cause = result.ok ? Cause::malformed : result.cause;
   }
   if (result.ok) {
     result.header = wire::unusual_header(frame.header)
                         ? std::string(frame.header_bytes.data(), frame.header_bytes.size())
                         : std::string();
+    if (source == Source::status && options_.hint) {
+      options_.hint->heard(frame.body);
+    }
     result.body = std::move(frame.body);
   }
   return result;
@@ -170,9 +147,15 @@ void TcpLink::judge(const wire::Frame& frame, bool first, Source source, PollRes
 }
 
 void TcpLink::judge_sequence(const wire::Frame& frame, bool first, PollResult& result) {
-  if (frame.header.sequence == sequence_ || !echoes_) {
-    strange_connections_ = frame.header.sequence == sequence_ ? 0 : strange_connections_;
-    result.ok = true;
+  const bool matches = frame.header.sequence == sequence_;
+  result.ok = matches || !echoes_;
+  if (!echoes_) {
+    // Numbers that are not echoed do not match several times in a row: the robot was judged too fast, or was replaced.
+    matches_ = matches ? matches_ + 1 : 0;
+    echoes_ = matches_ >= kMatchesToBelieve;
+  }
+  if (result.ok) {
+    strange_connections_ = matches ? 0 : strange_connections_;
     return;
   }
   // The first answer of a connection cannot be a late one: nothing was asked before on it.
@@ -181,14 +164,16 @@ void TcpLink::judge_sequence(const wire::Frame& frame, bool first, PollResult& r
   result.detail = fmt::format("{}: asked with sequence number {}, answered with {}", socket_.address(), sequence_,
                               frame.header.sequence);
   if (strange_connections_ >= kStrangeConnections) {
+    strange_connections_ = 0;
+    matches_ = 0;
     echoes_ = false;
     result.notes.push_back({EventKind::no_sequence_echo,
                             {},
                             {},
                             {},
-                            fmt::format("{} fresh connections in a row answered with another sequence number; "
-                                        "it is no longer compared",
-                                        kStrangeConnections)});
+                            fmt::format("{} fresh connections in a row answered with another sequence number; it is "
+                                        "not compared until {} answers in a row have the right one",
+                                        kStrangeConnections, kMatchesToBelieve)});
   }
   close();
 }

@@ -29,6 +29,8 @@ struct Arguments {
   std::string truth;
   std::string duration;
   int max_clients = 10;
+  std::vector<std::string> faults;
+  bool list_faults = false;
   // write
   std::string log;
   double days = 1;
@@ -111,10 +113,38 @@ void wait_for_end(const sigset_t& signals, std::optional<Micros> duration) {
   }
 }
 
+FaultWindow fault_of(const std::string& text) {
+  try {
+    return parse_fault_window(text);
+  } catch (const Error& e) {
+    throw CLI::ValidationError(std::string(e.what()) + "; --list-faults lists them all");
+  }
+}
+
+void print_faults() {
+  for (const LinkFault& fault : link_faults()) {
+    const bool everywhere = fault.status != nullptr && fault.modbus != nullptr;
+    fmt::print("{:<22} {:<7} {}\n", fault.name,
+               everywhere                ? "both"
+               : fault.status != nullptr ? "status"
+                                         : "modbus",
+               fault.what);
+  }
+}
+
 int serve(const Arguments& arguments) {
   const std::optional<Micros> duration =
       arguments.duration.empty() ? std::nullopt : std::optional(duration_of(arguments.duration));
-  const std::vector<ServedRobot> robots = robots_of(arguments);
+  if (arguments.list_faults) {
+    print_faults();
+    return 0;
+  }
+  std::vector<ServedRobot> robots = robots_of(arguments);
+  for (const std::string& text : arguments.faults) {
+    for (ServedRobot& robot : robots) {
+      robot.scenario.link_faults.push_back(fault_of(text));
+    }
+  }
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
@@ -189,6 +219,10 @@ int run(int argc, char** argv) {
   serving->add_option("--robot", a.robots, "NAME[:STATUS_PORT[:MODBUS_PORT]], repeatable; port 0 = any free one");
   serving->add_option("--truth", a.truth, "file for what was true, written at the end");
   serving->add_option("--for", a.duration, "how long, for example 60s or 2h; else until interrupted");
+  serving->add_option(
+      "--fault", a.faults,
+      "[status:|modbus:]NAME[@FROM..TO], seconds; what goes wrong on the ports of all robots; repeatable");
+  serving->add_flag("--list-faults", a.list_faults, "lists the names for --fault and what they do");
   serving->add_option("--bind", a.bind, "address to listen on")->capture_default_str();
   serving->add_option("--max-clients", a.max_clients, "further ones are refused")
       ->check(CLI::Range(0, 1000))

@@ -8,6 +8,8 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 
@@ -21,29 +23,49 @@ void Descriptor::reset() {
   }
 }
 
-Descriptor listen_on(const std::string& bind, std::uint16_t port) {
-  const std::string what = "cannot listen on " + bind + ":" + std::to_string(port);
+namespace {
+
+std::string what(const std::string& bind, std::uint16_t port) {
+  return "cannot listen on " + bind + ":" + std::to_string(port);
+}
+
+// Several sockets of one process may be bound to a port as long as at most one of them listens.
+Descriptor bound(const std::string& bind, std::uint16_t port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   if (inet_pton(AF_INET, bind.c_str(), &address.sin_addr) != 1) {
-    throw Error(what, "not an IPv4 address", "for example 127.0.0.1, or 0.0.0.0 for all");
+    throw Error(what(bind, port), "not an IPv4 address", "for example 127.0.0.1, or 0.0.0.0 for all");
   }
   Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int on = 1;
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  if (!socket.open() || ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-      ::listen(socket.get(), 16) != 0) {
-    throw Error(what, std::strerror(errno), "choose another port, or 0 for any free one");
+  if (!socket.open() || ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    throw Error(what(bind, port), std::strerror(errno), "choose another port, or 0 for any free one");
   }
   return socket;
 }
 
-std::uint16_t port_of(const Descriptor& listener) {
+std::uint16_t port_of(const Descriptor& socket) {
   sockaddr_in address{};
   socklen_t size = sizeof address;
-  ::getsockname(listener.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&address), &size);
   return ntohs(address.sin_port);
+}
+
+}  // namespace
+
+Listener::Listener(const std::string& bind, std::uint16_t port) : bind_(bind), port_(port), held_(bound(bind, port)) {
+  port_ = port_of(held_);
+  listen();
+}
+
+void Listener::listen() {
+  socket_ = bound(bind_, port_);
+  if (::listen(socket_.get(), 16) != 0) {
+    socket_.reset();
+    throw Error(what(bind_, port_), std::strerror(errno), "choose another port, or 0 for any free one");
+  }
 }
 
 Descriptor accept_client(const Descriptor& listener) {
@@ -78,26 +100,104 @@ void Wakeup::signal() {
   [[maybe_unused]] const ssize_t written = ::write(event_.get(), &one, sizeof one);
 }
 
-ClientLoop::ClientLoop(Descriptor listener, Welcome welcome)
-    : listener_(std::move(listener)), welcome_(std::move(welcome)), thread_([this] { run(); }) {}
+namespace {
+
+constexpr int kOpenCheckMs = 5;
+
+void reset_connection(const Descriptor& socket) {
+  const linger now{1, 0};
+  ::setsockopt(socket.get(), SOL_SOCKET, SO_LINGER, &now, sizeof now);
+}
+
+// False when the connection is over.
+bool take_step(const Action& step, const Descriptor& socket) {
+  switch (step.kind) {
+    case Action::Kind::send:
+      return send_all(socket, step.bytes);
+    case Action::Kind::half_close:
+      ::shutdown(socket.get(), SHUT_WR);
+      return true;
+    case Action::Kind::reset:
+      reset_connection(socket);
+      return false;
+    case Action::Kind::close:
+      return false;
+  }
+  return false;
+}
+
+}  // namespace
+
+ClientLoop::ClientLoop(Listener listener, Welcome welcome, Open open)
+    : listener_(std::move(listener)),
+      welcome_(std::move(welcome)),
+      open_(std::move(open)),
+      thread_([this] { run(); }) {}
 
 ClientLoop::~ClientLoop() { stop_.signal(); }
+
+void ClientLoop::append(Script script, Client& client) {
+  Clock::time_point at = client.steps.empty() ? Clock::now() : std::max(Clock::now(), client.steps.back().at);
+  for (Action& step : script) {
+    at += step.after;
+    client.steps.push_back({std::move(step), at});
+  }
+}
+
+// Does what is due; false when the connection is over.
+bool ClientLoop::act(Client& client) {
+  while (!client.steps.empty() && client.steps.front().at <= Clock::now()) {
+    if (!take_step(client.steps.front().step, client.socket)) {
+      return false;
+    }
+    client.steps.pop_front();
+  }
+  return true;
+}
+
+int ClientLoop::patience_ms() const {
+  Clock::duration least = std::chrono::hours(1);
+  for (const Client& client : clients_) {
+    if (!client.steps.empty()) {
+      least = std::min(least, std::max(Clock::duration::zero(), client.steps.front().at - Clock::now()));
+    }
+  }
+  const auto ms = static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(least).count());
+  return open_ ? std::min(ms, kOpenCheckMs) : ms;
+}
+
+void ClientLoop::open_or_refuse() {
+  if (!open_ || open_() == listener_.listens()) {
+    return;
+  }
+  if (listener_.listens()) {
+    listener_.refuse();
+    clients_.clear();
+  } else {
+    listener_.listen();
+  }
+}
 
 void ClientLoop::run() {
   std::vector<pollfd> fds;
   while (true) {
-    fds.assign({{stop_.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
+    open_or_refuse();
+    fds.assign({{stop_.fd(), POLLIN, 0}, {listener_.socket().get(), POLLIN, 0}});
     for (const Client& client : clients_) {
       fds.push_back({client.socket.get(), POLLIN, 0});
     }
-    if (::poll(fds.data(), fds.size(), -1) < 0 && errno != EINTR) {
+    if (::poll(fds.data(), fds.size(), patience_ms()) < 0 && errno != EINTR) {
       return;
     }
     if (fds[0].revents != 0) {
       return;
     }
     for (std::size_t i = clients_.size(); i-- > 0;) {
-      if (fds[i + 2].revents != 0 && !clients_[i].serve(clients_[i].socket)) {
+      Client& client = clients_[i];
+      Script script;
+      const bool lives = fds[i + 2].revents == 0 || client.serve(client.socket, script);
+      append(std::move(script), client);
+      if (!lives || !act(client)) {
         clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
       }
     }
@@ -108,14 +208,22 @@ void ClientLoop::run() {
 }
 
 void ClientLoop::accept_one() {
-  Descriptor socket = accept_client(listener_);
+  Descriptor socket = accept_client(listener_.socket());
   if (!socket.open()) {
     return;
   }
-  Serve serve = welcome_(socket, clients_.size());
-  if (serve) {
-    clients_.push_back({std::move(socket), std::move(serve)});
+  Script script;
+  Client client{std::move(socket), welcome_(clients_.size(), script), {}};
+  append(std::move(script), client);
+  if (act(client)) {
+    clients_.push_back(std::move(client));
   }
+}
+
+bool ignore_client(const Descriptor& socket, Script&) {
+  std::array<char, 4096> buffer;
+  const ssize_t got = ::recv(socket.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+  return got > 0 || (got < 0 && (errno == EAGAIN || errno == EINTR));
 }
 
 }  // namespace tacho::sim

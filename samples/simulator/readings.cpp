@@ -64,7 +64,7 @@ void read_counters(const Scenario& scenario, const RobotState& state, Readings& 
   set(r, field("uptime"), state.uptime_s);
   set(r, field("total_time"), kTotalTimeAtStartS + state.uptime_s);
   set(r, field("today_time"), state.today_s);
-  r.clock = robot_clock(state.t_us, scenario.clock_offset_s);
+  r.clock = robot_clock(state.t_us + state.clock_fault_us, scenario.clock_offset_s);
   set(r, field("clock_year"), r.clock.year);
   set(r, field("clock_month"), r.clock.month);
   set(r, field("clock_day"), r.clock.day);

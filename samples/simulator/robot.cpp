@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "samples/simulator/robot_clock.hpp"
 #include "samples/simulator/work.hpp"
 
 namespace tacho::sim {
@@ -66,6 +67,7 @@ void Robot::Impl::update(Micros t_us) {
   state.emergency = std::any_of(state.alarms.begin(), state.alarms.end(),
                                 [](const ActiveAlarm& alarm) { return alarm.code == kMotorEmergencyStop; });
   state.uptime_s = kUptimeAtStartS + seconds(t_us - t0_us);
+  state.clock_fault_us = clock_fault_us(scenario, t_us - t0_us);
 }
 
 void Robot::Impl::update_motion(const Segment& segment) {

@@ -49,6 +49,7 @@ struct RobotState {
   int task_status = 0, task_type = 0;
   std::string current_station, last_station, target_station;
   double uptime_s = 0;
+  Micros clock_fault_us = 0;  ///< what the robot's clock is off beside clock_offset_s
   std::vector<ActiveAlarm> alarms;
 };
 

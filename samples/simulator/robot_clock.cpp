@@ -1,5 +1,6 @@
 #include "samples/simulator/robot_clock.hpp"
 
+#include <algorithm>
 #include <chrono>
 
 namespace tacho::sim {
@@ -33,6 +34,13 @@ void append_date_time(std::string& out, const ClockReading& c, char between) {
 }
 
 }  // namespace
+
+Micros clock_fault_us(const Scenario& scenario, Micros since_us) {
+  const double since_s = static_cast<double>(since_us) / 1e6;
+  const double frozen_s = std::clamp(since_s - scenario.clock_frozen_from_s, 0.0, scenario.clock_frozen_s);
+  const double step_s = since_s >= scenario.clock_step_at_s ? scenario.clock_step_s : 0.0;
+  return std::llround((since_s * scenario.clock_drift_ppm * 1e-6 + step_s - frozen_s) * 1e6);
+}
 
 ClockReading robot_clock(Micros t_us, double clock_offset_s) {
   using namespace std::chrono;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "samples/simulator/scenario.hpp"
 #include "schema/sample.hpp"
 
 namespace tacho::sim {
@@ -14,6 +15,9 @@ inline constexpr Micros kRobotZone = -11 * 3'600'000'000LL;
 struct ClockReading {
   int year = 1970, month = 1, day = 1, hour = 0, minute = 0, second = 0, millisecond = 0;
 };
+
+/// What the faults of a scenario's clock add `since_us` after the start, beside clock_offset_s.
+Micros clock_fault_us(const Scenario& scenario, Micros since_us);
 
 /// What the robot's clock shows at true time `t_us`, in its zone.
 ClockReading robot_clock(Micros t_us, double clock_offset_s);

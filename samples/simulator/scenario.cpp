@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <variant>
 
@@ -25,7 +26,7 @@ template <class Object>
 struct Key {
   std::string_view name;
   std::variant<double Object::*, int Object::*, bool Object::*, std::string Object::*, std::uint64_t Object::*,
-               std::int64_t Object::*, WordOrder Object::*, AlarmLevel Object::*>
+               std::int64_t Object::*, WordOrder Object::*, AlarmLevel Object::*, std::optional<Port> Object::*>
       member;
   double min = -kInfinity;
   double max = kInfinity;
@@ -73,6 +74,11 @@ const std::vector<Key<Scenario>>& keys(const Scenario*) {
       {"registers_rounded", &Scenario::registers_rounded},
       {"battery_fields", &Scenario::battery_fields},
       {"clock_offset_s", &Scenario::clock_offset_s, -1e9, 1e9},
+      {"clock_drift_ppm", &Scenario::clock_drift_ppm, -1e5, 1e5},
+      {"clock_step_s", &Scenario::clock_step_s, -1e9, 1e9},
+      {"clock_step_at_s", &Scenario::clock_step_at_s, 0, 1e9},
+      {"clock_frozen_from_s", &Scenario::clock_frozen_from_s, 0, 1e9},
+      {"clock_frozen_s", &Scenario::clock_frozen_s, 0, 1e9},
       {"ip", &Scenario::ip},
       {"modbus_unit", &Scenario::modbus_unit, -1, 247},
       {"body_file", &Scenario::body_file},
@@ -101,6 +107,15 @@ const std::vector<Key<HotSpot>>& keys(const HotSpot*) {
       {"probability", &HotSpot::probability, 0, 1},
       {"mean_duration_s", &HotSpot::mean_duration_s, 0},
       {"reason", &HotSpot::reason, 0, 10},
+  };
+  return rows;
+}
+const std::vector<Key<FaultWindow>>& keys(const FaultWindow*) {
+  static const std::vector<Key<FaultWindow>> rows{
+      {"fault", &FaultWindow::fault},
+      {"port", &FaultWindow::port},
+      {"from_s", &FaultWindow::from_s, 0},
+      {"to_s", &FaultWindow::to_s, 0},
   };
   return rows;
 }
@@ -164,6 +179,16 @@ void read(const Place& place, const Json& value, std::uint64_t& out) {
 void read(const Place& place, const Json& value, WordOrder& out) { read_name(place, value, word_order_name, out); }
 void read(const Place& place, const Json& value, AlarmLevel& out) { read_name(place, value, alarm_level_name, out); }
 
+void read(const Place& place, const Json& value, std::optional<Port>& out) {
+  for (const Port port : {Port::status, Port::modbus}) {
+    if (value.is_string() && value.get<std::string>() == port_name(port)) {
+      out = port;
+      return;
+    }
+  }
+  place.fail("no such port: " + value.dump(), "one of status, modbus");
+}
+
 template <class Object>
 void read_object(const Place& place, const Json& json, Object& out);
 
@@ -181,6 +206,8 @@ bool read_lists(const Place& place, const std::string& name, const Json& value, 
     read_list(place, value, out.alarms);
   } else if (name == "hot_spots") {
     read_list(place, value, out.hot_spots);
+  } else if (name == "link_faults") {
+    read_list(place, value, out.link_faults);
   } else {
     return false;
   }
@@ -214,7 +241,7 @@ void read_object(const Place& place, const Json& json, Object& out) {
     if (read_lists(place.at(name), name, value, out)) {
       continue;
     }
-    std::vector<std::string> known{"alarms", "hot_spots"};
+    std::vector<std::string> known{"alarms", "hot_spots", "link_faults"};
     for (const auto& r : rows) {
       known.emplace_back(r.name);
     }
@@ -225,6 +252,10 @@ void read_object(const Place& place, const Json& json, Object& out) {
 void check(const Place& place, const Scenario& scenario) {
   if (scenario.charge_until <= scenario.charge_below) {
     place.at("charge_until").fail("is not above charge_below", "a robot could never leave its charger");
+  }
+  for (std::size_t i = 0; i < scenario.link_faults.size(); ++i) {
+    const Place window = place.at(fmt::format("link_faults[{}]", i));
+    check_fault_window(scenario.link_faults[i], window.file + ": " + window.key);
   }
   if (scenario.name.empty()) {
     place.at("name").fail("is empty", "give the robot a name");

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "samples/simulator/link_faults.hpp"
 #include "schema/records.hpp"
 
 namespace tacho::sim {
@@ -81,10 +82,17 @@ struct Scenario {
   bool registers_rounded = true;  ///< floats of registers: as the JSON answer prints them; false: noise in every bit
   bool battery_fields = true;     ///< false: the answer has no battery_* keys and zero registers
   double clock_offset_s = 0.0;    ///< robot clock minus true time
-  std::string ip = "127.0.0.1";   ///< what the robot says its address is
-  int modbus_unit = 1;            ///< requests for another unit get no answer; -1 = any
-  std::string body_file;          ///< serve exactly these bytes as every 11100 answer
-  std::string io_body_file;       ///< the same for 11013
+  // Faults of the robot's clock; times since the start. Stamps of alarms follow clock_offset_s alone.
+  double clock_drift_ppm = 0.0;
+  double clock_step_s = 0.0;  ///< added from clock_step_at_s on
+  double clock_step_at_s = 0.0;
+  double clock_frozen_from_s = 0.0;  ///< shows the same time for clock_frozen_s, then goes on that much behind
+  double clock_frozen_s = 0.0;
+  std::string ip = "127.0.0.1";          ///< what the robot says its address is
+  int modbus_unit = 1;                   ///< requests for another unit get no answer; -1 = any
+  std::string body_file;                 ///< serve exactly these bytes as every 11100 answer
+  std::string io_body_file;              ///< the same for 11013
+  std::vector<FaultWindow> link_faults;  ///< of `serve`: what goes wrong on its ports, and when
 };
 
 /// One file may hold one scenario object or an array of them; paths in it are relative to its folder. Throws Error

@@ -12,21 +12,25 @@ namespace {
 // One robot and, while it is switched on, its two servers.
 struct Station {
   explicit Station(const ServedRobot& served)
-      : robot(served.scenario), status_port(served.status_port), modbus_port(served.modbus_port) {}
+      : robot(served.scenario),
+        faults(served.scenario.link_faults),
+        status_port(served.status_port),
+        modbus_port(served.modbus_port) {}
 
   LiveRobot robot;
+  FaultPlan faults;
   std::uint16_t status_port;
   std::uint16_t modbus_port;
   std::unique_ptr<StatusServer> status;
   std::unique_ptr<ModbusServer> modbus;
 
   void start(const ServeOptions& options) {
-    Descriptor status_listener = listen_on(options.bind, status_port);
-    Descriptor modbus_listener = listen_on(options.bind, modbus_port);
-    status_port = port_of(status_listener);
-    modbus_port = port_of(modbus_listener);
-    status = std::make_unique<StatusServer>(robot, std::move(status_listener), options.max_clients);
-    modbus = std::make_unique<ModbusServer>(robot, std::move(modbus_listener));
+    Listener status_listener(options.bind, status_port);
+    Listener modbus_listener(options.bind, modbus_port);
+    status_port = status_listener.port();
+    modbus_port = modbus_listener.port();
+    status = std::make_unique<StatusServer>(robot, faults, std::move(status_listener), options.max_clients);
+    modbus = std::make_unique<ModbusServer>(robot, faults, std::move(modbus_listener));
   }
   void stop() {
     status.reset();
@@ -67,6 +71,10 @@ void Server::start(std::size_t robot) {
   if (!station.status) {
     station.start(impl_->options);
   }
+}
+
+void Server::fault(std::size_t robot, Port port, const LinkFault* fault) {
+  impl_->robots.at(robot)->faults.set(port, fault);
 }
 
 Truth Server::truth(std::size_t robot) const { return impl_->robots.at(robot)->robot.truth(); }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "samples/simulator/link_faults.hpp"
 #include "samples/simulator/robot.hpp"
 
 namespace tacho::sim {
@@ -35,6 +36,8 @@ class Server {
   /// ports.
   void stop(std::size_t robot);
   void start(std::size_t robot);
+  /// From now on, whatever its scenario says; null: none. Thread-safe.
+  void fault(std::size_t robot, Port port, const LinkFault* fault);
   /// Stops all robots and writes the truth file, once. Throws Error when it cannot be written.
   void finish();
   [[nodiscard]] Truth truth(std::size_t robot) const;

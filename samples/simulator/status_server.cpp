@@ -2,8 +2,10 @@
 
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -49,57 +51,64 @@ std::string reply(const wire::FrameHeader& request, std::uint16_t type, std::str
 
 }  // namespace
 
-StatusServer::StatusServer(LiveRobot& robot, Descriptor listener, int max_clients)
+StatusServer::StatusServer(LiveRobot& robot, const FaultPlan& faults, Listener listener, int max_clients)
     : robot_(robot),
+      faults_(faults),
       max_clients_(max_clients),
-      loop_(std::move(listener), [this](const auto& client, std::size_t n) { return welcome(client, n); }) {}
+      loop_(
+          std::move(listener), [this](std::size_t clients, Script& out) { return welcome(clients, out); },
+          [this] { return faults_.listens(Port::status); }) {}
 
-ClientLoop::Serve StatusServer::welcome(const Descriptor& client, std::size_t clients) {
+ClientLoop::Serve StatusServer::welcome(std::size_t clients, Script& out) {
+  if (auto script = faults_.welcome(Port::status)) {
+    out = std::move(*script);
+    return ignore_client;
+  }
   if (static_cast<int>(clients) >= max_clients_) {
     const nlohmann::ordered_json body{
         {"ret_code", 61001}, {"err_msg", "connection limit reached"}, {"limit", max_clients_}, {"port", kStatusPort}};
-    send_all(client, wire::encode_frame(1, 0, kStatusPort, body.dump()));
-    return {};
+    out.push_back({Action::Kind::send, wire::encode_frame(1, 0, kStatusPort, body.dump()), {}});
+    out.push_back({Action::Kind::close, {}, {}});
+    return ignore_client;
   }
-  return [this, decoder = wire::FrameDecoder(kLargestRequest)](const Descriptor& socket) mutable {
-    return serve(socket, decoder);
-  };
+  return [this, client = Client{wire::FrameDecoder(kLargestRequest), {}, 0}](
+             const Descriptor& socket, Script& script) mutable { return serve(socket, client, script); };
 }
 
 // False when the connection is over.
-bool StatusServer::serve(const Descriptor& client, wire::FrameDecoder& decoder) {
+bool StatusServer::serve(const Descriptor& socket, Client& client, Script& out) {
   std::array<char, 16384> buffer;
-  const ssize_t got = ::recv(client.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+  const ssize_t got = ::recv(socket.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
   if (got < 0) {
     return errno == EAGAIN || errno == EINTR;
   }
   if (got == 0) {
     return false;
   }
-  decoder.feed({buffer.data(), static_cast<std::size_t>(got)});
+  client.decoder.feed({buffer.data(), static_cast<std::size_t>(got)});
   wire::Frame request;
-  while (decoder.next(request)) {
-    if (!answer(client, request)) {
-      return false;
-    }
+  while (client.decoder.next(request)) {
+    std::string right = answer(request);
+    Script script = faults_.answer(Port::status, {request.body, right, client.previous, client.answers++});
+    std::move(script.begin(), script.end(), std::back_inserter(out));
+    client.previous = std::move(right);
   }
-  return !decoder.bad();
+  return !client.decoder.bad();
 }
 
-bool StatusServer::answer(const Descriptor& client, const wire::Frame& request) {
+std::string StatusServer::answer(const wire::Frame& request) {
   const std::uint16_t type = request.header.type;
   if (type == wire::kStatusIo) {
-    return send_all(client, reply(request.header, wire::answer_type(type), robot_.io()));
+    return reply(request.header, wire::answer_type(type), robot_.io());
   }
   if (type != wire::kStatusAll1) {
-    return send_all(client, reply(request.header, kWrongRequest, ""));
+    return reply(request.header, kWrongRequest, "");
   }
   const auto parameters = parse_parameters(request.body);
   if (!parameters) {
-    return send_all(client, reply(request.header, kBadJson, ""));
+    return reply(request.header, kBadJson, "");
   }
-  return send_all(client,
-                  reply(request.header, wire::answer_type(type), robot_.status(parameters->keys, parameters->lasers)));
+  return reply(request.header, wire::answer_type(type), robot_.status(parameters->keys, parameters->lasers));
 }
 
 }  // namespace tacho::sim

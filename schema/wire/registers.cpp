@@ -205,6 +205,11 @@ void append_bits(std::string& image, Range range, std::span<const std::uint8_t> 
   }
 }
 
+void append_range(std::string& image, Range range, std::string_view payload) {
+  put_range(image, range);
+  image += payload;
+}
+
 void decode_registers(std::string_view image, WordOrder order, const Gates& gates, const FieldSet& wanted,
                       Sample& out) {
   const std::optional<Image> parsed = parse_image(image, false);

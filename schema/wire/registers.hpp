@@ -30,6 +30,9 @@ void append_words(std::string& image, Range range, std::span<const std::uint16_t
 /// Appends one range of bits ([1x]), one byte 0/1 per bit as libmodbus gives them.
 void append_bits(std::string& image, Range range, std::span<const std::uint8_t> bits);
 
+/// Appends one range as its answer carried it: the payload behind the byte count.
+void append_range(std::string& image, Range range, std::string_view payload);
+
 /// Fills the fields in `wanted` that have a [3x] register. Fields in ranges that were not read stay absent. `gates`
 /// says whether conditions hold; an unknown condition makes a field not_meaningful. A malformed image: decodable =
 /// false.

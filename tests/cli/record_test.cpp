@@ -25,6 +25,7 @@ using test::TempDir;
 namespace {
 
 const std::string kRecorder = "recorder/tacho-recorder";
+const std::string kSimulator = "samples/simulator/tacho-sim";
 const std::string kAnalyzer = "analyzer/tacho-analyzer";
 const std::string kPeriods = "status=1s,io=2Hz,registers=5Hz,inputs=5Hz";
 
@@ -251,4 +252,39 @@ TEST_CASE("a killed recorder loses at most a commit interval, and the next start
     }
   });
   CHECK(between == 4);
+}
+
+TEST_CASE("the simulator lists its faults, and refuses one that it does not know") {
+  const Outcome list = test::run(kSimulator, {"serve", "--list-faults"});
+  CHECK(list.code == 0);
+  for (const sim::LinkFault& fault : sim::link_faults()) {
+    INFO(fault.name);
+    CHECK(list.out.find(std::string(fault.name) + " ") != std::string::npos);
+  }
+  const Outcome wrong = test::run(kSimulator, {"serve", "--fault", "modbus:silense@1..2"});
+  CHECK(wrong.code == 2);
+  CHECK(wrong.out.empty());
+  CHECK(wrong.err.find("did you mean 'silence'?") != std::string::npos);
+}
+
+TEST_CASE("a robot whose ports fail for a while is recorded before and after, and every poll is accounted for") {
+  const TempDir dir;
+  auto served = robots(1);
+  served[0].scenario.link_faults = {{"reset", sim::Port::status, 1, 2}, {"silence", sim::Port::modbus, 1, 2}};
+  sim::Server server(served, {});
+  const Outcome outcome = test::run(kRecorder, record_arguments(server, 1, (dir / "log").string(), "6s"));
+  INFO(outcome.err);
+  CHECK(outcome.code == 0);
+  const auto log = open(dir / "log");
+  check_every_poll_is_accounted_for(*log);
+  std::set<Source> missed;
+  Selection selection;
+  selection.rows.fill(true);
+  log->read(1, {}, selection, [&](const Slice& slice) {
+    for (const Gap& gap : slice.gaps) {
+      missed.insert(gap.source);
+    }
+  });
+  CHECK(missed.count(Source::io) == 1);
+  CHECK(missed.count(Source::registers) == 1);
 }

@@ -1,5 +1,7 @@
 // The fuzzers' corpus as an ordinary test: whatever once was interesting stays harmless.
 
+#include <random>
+
 #include "tests/fuzz/targets.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/golden.hpp"
@@ -30,4 +32,19 @@ TEST_CASE("every input of the fuzz corpus keeps the laws, whole and cut", "[fuzz
   CHECK(replay("status_json", fuzz::status_json) >= 5);
   CHECK(replay("registers", fuzz::registers) >= 5);
   CHECK(replay("block", fuzz::block) >= 5);
+  CHECK(replay("mbap", fuzz::mbap) >= 5);
+  CHECK(replay("register_plan", fuzz::register_plan) >= 5);
+}
+
+TEST_CASE("random bytes keep the laws of the links", "[fuzz]") {
+  std::mt19937 random(1);
+  for (int i = 0; i < 5'000; ++i) {
+    std::string bytes(random() % 48, '\0');
+    const auto rare = 1 + random() % 16;  // how many bytes are zero, which a server made of bytes answers
+    for (char& byte : bytes) {
+      byte = random() % rare == 0 ? static_cast<char>(random()) : '\0';
+    }
+    fuzz::mbap(bytes);
+    fuzz::register_plan(bytes);
+  }
 }

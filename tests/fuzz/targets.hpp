@@ -17,4 +17,11 @@ void registers(std::string_view bytes);
 /// nothing wrong.
 void block(std::string_view bytes);
 
+/// Modbus TCP: the first eight bytes make a request, the rest is what comes back. A verdict stands whatever follows,
+/// and only what fits the request in every field is data.
+void mbap(std::string_view bytes);
+/// What a server refuses: two bits per address and kind of request. However it behaves, a sweep ends within its budget,
+/// no value is split, and what is documented is asked for, unknown or illegal.
+void register_plan(std::string_view bytes);
+
 }  // namespace tacho::fuzz

@@ -55,6 +55,7 @@ struct Act {
   Cause cause = Cause::timeout;
   bool keeps_connection = false;  ///< of a failure
   std::string missing;            ///< non-empty: partial
+  bool drops_connection = false;  ///< of a success
 };
 
 class FakeLink final : public Link {
@@ -74,7 +75,7 @@ class FakeLink final : public Link {
     result.detail = act.ok ? act.missing : "because";
     result.partial = act.ok && !act.missing.empty();
     result.body = act.ok ? "{}" : "";
-    connected_ = act.ok || act.keeps_connection;
+    connected_ = act.ok ? !act.drops_connection : act.keeps_connection;
     return result;
   }
   [[nodiscard]] bool connected() const override { return connected_; }

@@ -277,6 +277,55 @@ TEST_CASE("a sweep that dies half-way keeps what it has read and says what is mi
   CHECK_FALSE(link.poll(Source::registers, kTimeout).partial);
 }
 
+TEST_CASE("answers that do not fit their request are gaps with words, and end the connection") {
+  struct Lie {
+    const char* what;
+    std::size_t at;
+    char value;
+    Cause cause;
+    const char* words;
+  };
+  for (const Lie& lie : {Lie{"transaction", 0, 0x55, Cause::wrong_sequence, "transaction"},
+                         {"protocol", 2, 1, Cause::malformed, "protocol"},
+                         {"length", 4, 0x40, Cause::malformed, "long"},
+                         {"unit", 6, 9, Cause::malformed, "unit 9"},
+                         {"function", 7, 4, Cause::malformed, "function 4"},
+                         {"byte count", 8, 3, Cause::malformed, "asked for"}}) {
+    TinyServer server([&](Peer& peer, int) {
+      const std::string asked = peer.read(12);
+      std::string bytes = asked.substr(0, 4) + std::string("\0\x0D\x01\x02\x0A", 5) + std::string(10, '\x11');
+      bytes[lie.at] = lie.value;
+      peer.write(bytes);
+      peer.wait_closed();
+    });
+    ModbusLink link(options(server.port()));
+    const PollResult result = link.poll(Source::inputs, kTimeout);
+    INFO(lie.what << ": " << result.detail);
+    CHECK_FALSE(result.ok);
+    CHECK(result.body.empty());
+    CHECK(result.cause == lie.cause);
+    CHECK(result.detail.find(lie.words) != std::string::npos);
+    CHECK_FALSE(link.connected());
+  }
+}
+
+TEST_CASE("a second answer behind the first ends the connection, not the answer") {
+  TinyServer server([&](Peer& peer, int) {
+    const std::string asked = peer.read(12);
+    const std::string bytes = asked.substr(0, 4) + std::string("\0\x0D\x01\x02\x0A", 5) + std::string(10, '\x11');
+    peer.write(bytes + bytes);
+    peer.wait_closed();
+  });
+  ModbusLink link(options(server.port()));
+  for (int i = 0; i < 2; ++i) {
+    const PollResult result = link.poll(Source::inputs, kTimeout);
+    CHECK(result.ok);
+    CHECK_FALSE(result.partial);
+    CHECK_FALSE(link.connected());
+  }
+  CHECK(server.connections() == 2);
+}
+
 TEST_CASE("a restarted server is found again") {
   auto server = std::make_unique<ModbusServer>([](const Asked&) { return 0; });
   const std::uint16_t port = server->port();
@@ -312,83 +361,4 @@ TEST_CASE("answers that are not Modbus are malformed, and interrupting ends a wa
   const PollResult result = link.poll(Source::registers, 30s);
   other.join();
   CHECK(result.cause == Cause::shutdown);
-}
-
-namespace {
-
-/// An image as a robot with `order` at 192.168.192.5 would send it.
-std::string image_of(WordOrder order, bool battery, bool address) {
-  std::vector<std::uint16_t> words(100, 0);
-  const auto put = [&](std::string_view name, float value) {
-    const std::size_t at = field_at(find_field(name)).reg.address - 1u;
-    wire::split_words(std::bit_cast<std::uint32_t>(value), order, words[at], words[at + 1]);
-  };
-  put("x", -3.162F);
-  put("y", 12.25F);
-  if (battery) {
-    put("battery_temp", 24.0F);
-    put("voltage", 52.347F);
-    put("current", -1.1F);
-    put("controller_temp", 53.346F);
-    put("total_time", 875.0F);
-  }
-  if (address) {
-    const bool swapped = order == WordOrder::badc || order == WordOrder::dcba;
-    const std::array<std::uint16_t, 4> ip{192, 168, 192, 5};
-    for (std::size_t i = 0; i < 4; ++i) {
-      words[69 + i] = static_cast<std::uint16_t>(swapped ? ip[i] << 8 : ip[i]);
-    }
-  }
-  std::string image;
-  wire::append_words(image, {1, 100}, words);
-  return image;
-}
-
-}  // namespace
-
-TEST_CASE("the word order of an image is found by its values, and by the address it holds") {
-  for (const WordOrder order : {WordOrder::cdab, WordOrder::abcd, WordOrder::badc, WordOrder::dcba}) {
-    for (const bool address : {false, true}) {
-      const WordOrderGuess guess = guess_word_order(image_of(order, true, address), "192.168.192.5");
-      INFO(guess.why);
-      CHECK(guess.sure);
-      CHECK(guess.order == order);
-      CHECK(guess.address_matches == address);
-    }
-  }
-}
-
-TEST_CASE("a robot without any sensor value is left at the default, and says so") {
-  const WordOrderGuess guess = guess_word_order(image_of(WordOrder::abcd, false, true), "192.168.192.5");
-  CHECK_FALSE(guess.sure);
-  CHECK(guess.order == WordOrder::cdab);
-  CHECK(guess.why.find("default") != std::string::npos);
-}
-
-TEST_CASE("the link reports a found word order once; a configured one is not looked for") {
-  const auto serve = [](ModbusServer& server) {
-    std::uint16_t first = 0;
-    std::uint16_t second = 0;
-    for (const auto& [address, value] :
-         {std::pair{15, 24.0F}, {17, 52.3F}, {19, -1.1F}, {21, 53.3F}, {25, 24.1F}, {29, 875.0F}}) {
-      wire::split_words(std::bit_cast<std::uint32_t>(value), WordOrder::abcd, first, second);
-      server.set_register(address, first);
-      server.set_register(address + 1, second);
-    }
-  };
-  ModbusServer server([](const Asked&) { return 0; });
-  serve(server);
-  ModbusLinkOptions o = options(server.port());
-  o.word_order.reset();
-  ModbusLink link(o);
-  const PollResult first = link.poll(Source::registers, kTimeout);
-  REQUIRE(first.word_order);
-  CHECK(*first.word_order == WordOrder::abcd);
-  REQUIRE(first.notes.size() == 1);
-  CHECK(first.notes[0].kind == EventKind::word_order);
-  CHECK(first.notes[0].new_value == "abcd");
-  CHECK_FALSE(link.poll(Source::registers, kTimeout).word_order);
-  ModbusLink told(options(server.port()));
-  link.close();  // the server takes one client at a time
-  CHECK_FALSE(told.poll(Source::registers, kTimeout).word_order);
 }

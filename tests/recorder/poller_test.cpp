@@ -145,21 +145,68 @@ TEST_CASE("an outage is one gap row per source with its cause, from the last ans
   check_accounts(bench);
 }
 
-TEST_CASE("a dead robot is tried after 0.2 s, then less and less often, at least every 5 s") {
+TEST_CASE("a dead robot is tried after 0.2 s, then 0.4 s, then twice a second for as long as it takes") {
   Bench bench({{Source::registers, 50'000, 0}}, [](Source, Micros) {
     return Act{false, 0, Cause::connect_refused, false, {}};
   });
-  bench.run(60 * kSecond);
-  REQUIRE(bench.link->asked.size() > 5);
+  bench.run(600 * kSecond);
+  REQUIRE(bench.link->asked.size() > 1000);
   const auto wait = [&](std::size_t i) { return bench.link->asked[i + 1].second - bench.link->asked[i].second; };
   CHECK(wait(0) == 200'000);
   CHECK(wait(1) == 400'000);
-  CHECK(wait(2) == 800'000);
-  for (std::size_t i = 0; i + 1 < bench.link->asked.size(); ++i) {
-    CHECK(wait(i) <= 5'050'000);
+  for (std::size_t i = 2; i + 1 < bench.link->asked.size(); ++i) {
+    CHECK(wait(i) == 500'000);
   }
   CHECK(bench.events(EventKind::link_down) == 1);
   CHECK(bench.events(EventKind::link_up) == 0);
+  check_accounts(bench);
+}
+
+TEST_CASE("a robot with too many clients is tried less and less often, at least every 5 s") {
+  Bench bench({{Source::status, 50'000, 0}}, [](Source, Micros) {
+    return Act{false, 0, Cause::client_limit, false, {}};
+  });
+  bench.run(60 * kSecond);
+  REQUIRE(bench.link->asked.size() > 10);
+  const auto wait = [&](std::size_t i) { return bench.link->asked[i + 1].second - bench.link->asked[i].second; };
+  CHECK(wait(0) == 200'000);
+  CHECK(wait(2) == 800'000);
+  CHECK(wait(bench.link->asked.size() - 2) == 5 * kSecond);
+  check_accounts(bench);
+}
+
+TEST_CASE("law: whenever a robot comes back it is heard within a second") {
+  constexpr std::array kCauses{Cause::connect_refused, Cause::connect_timeout, Cause::unreachable,   Cause::timeout,
+                               Cause::closed,          Cause::malformed,       Cause::wrong_sequence};
+  std::mt19937 random(11);
+  const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+  for (int run = 0; run < 200; ++run) {
+    const Micros period = between(20'000, 400'000);
+    const Micros back = 10 * kSecond + between(0, 300 * kSecond);
+    const Cause cause = kCauses[static_cast<std::size_t>(between(0, kCauses.size() - 1))];
+    const Micros takes = cause == Cause::timeout || cause == Cause::connect_timeout ? 400'000 : between(0, 20'000);
+    Bench bench({{Source::registers, period, 0}}, [&](Source, Micros now) {
+      return now < 10 * kSecond || now >= back ? Act{} : Act{false, takes, cause, false, {}};
+    });
+    bench.run(back + 3 * kSecond);
+    const auto first = std::find_if(bench.sink.answers.begin(), bench.sink.answers.end(),
+                                    [&](const Answer& a) { return a.meta.t_send_us - kWallStart >= back; });
+    INFO("period " << period << " cause " << cause_name(cause));
+    REQUIRE(first != bench.sink.answers.end());
+    CHECK(first->meta.t_recv_us - kWallStart - back <= kSecond);
+    check_accounts(bench);
+  }
+}
+
+TEST_CASE("a whole answer whose connection had to be closed is no outage") {
+  Bench bench({{Source::registers, 100'000, 0}}, [](Source, Micros) {
+    Act act;
+    act.drops_connection = true;
+    return act;
+  });
+  bench.run(10 * kSecond);
+  CHECK(bench.poller->counters(0).stored.load() == 100);
+  CHECK(bench.events(EventKind::link_down) == 0);
   check_accounts(bench);
 }
 

@@ -3,6 +3,7 @@
 #include <regex>
 #include <sstream>
 
+#include "recorder/link/mbap.hpp"
 #include "schema/wire/frame.hpp"
 #include "tests/support/catch.hpp"
 
@@ -28,21 +29,22 @@ std::string text_of(const std::filesystem::path& file) {
 
 }  // namespace
 
-TEST_CASE("no Modbus function but 2 and 4 is called, and only by the Modbus link") {
-  const std::regex call(R"(\bmodbus_(read|write|mask|report|send|reply|receive)\w*)");
+TEST_CASE("no Modbus function but 2 and 4 exists, and libmodbus is not used") {
+  using tacho::recorder::mbap::Function;
   std::size_t files = 0;
-  std::map<std::string, int> calls;
   for (const auto& file : sources("recorder")) {
     ++files;
-    const std::string text = text_of(file);
-    for (std::sregex_iterator it(text.begin(), text.end(), call), end; it != end; ++it) {
-      INFO(file);
-      CHECK(file.filename() == "modbus_link.cpp");
-      ++calls[it->str()];
-    }
+    INFO(file);
+    CHECK(text_of(file).find("<modbus") == std::string::npos);
   }
   CHECK(files > 20);  // the search found the sources
-  CHECK(calls == std::map<std::string, int>{{"modbus_read_input_bits", 1}, {"modbus_read_input_registers", 1}});
+  const std::string codec = text_of(std::filesystem::path(TACHO_SOURCE_DIR) / "recorder/link/mbap.hpp");
+  CHECK(codec.find("enum class Function : std::uint8_t { discrete_inputs = 2, input_registers = 4 };") !=
+        std::string::npos);
+  for (const Function function : {Function::discrete_inputs, Function::input_registers}) {
+    const std::string bytes = tacho::recorder::mbap::encode({1, 1, function, 0, 1});
+    CHECK((bytes[7] == 2 || bytes[7] == 4));
+  }
 }
 
 TEST_CASE("no request number but 1100 and 1013 and no control port occurs") {
@@ -61,14 +63,23 @@ TEST_CASE("no request number but 1100 and 1013 and no control port occurs") {
   CHECK(tacho::wire::kStatusIo == 1013);
 }
 
-TEST_CASE("frames are sent by the status link alone, with the two known requests") {
-  const std::regex encode(R"(encode_frame\()");
-  int uses = 0;
-  for (const auto& file : sources("recorder")) {
-    const std::string text = text_of(file);
-    uses += static_cast<int>(std::distance(std::sregex_iterator(text.begin(), text.end(), encode), {}));
-    CHECK((text.find("::send(") == std::string::npos || file.filename() == "tcp_link.cpp"));
-    CHECK((text.find("encode_frame") == std::string::npos || file.filename() == "tcp_link.cpp"));
-  }
-  CHECK(uses == 1);
+TEST_CASE("bytes reach a robot by two calls only: a status frame and a Modbus read") {
+  const auto count = [](const std::string& pattern) {
+    std::map<std::string, int> found;
+    const std::regex expression(pattern);
+    for (const auto& file : sources("recorder")) {
+      const std::string text = text_of(file);
+      const auto hits = std::distance(std::sregex_iterator(text.begin(), text.end(), expression), {});
+      if (hits > 0) {
+        found[file.filename().string()] = static_cast<int>(hits);
+      }
+    }
+    return found;
+  };
+  using Found = std::map<std::string, int>;
+  CHECK(count(R"((::|\b)(send|sendmsg|write|writev)\(\w*fd_)") == Found{{"socket.cpp", 1}});
+  CHECK(count(R"(socket_\.send\(bytes, )") == Found{{"tcp_link.cpp", 1}});
+  CHECK(count(R"(socket_\.send\(mbap::encode\(request\), )") == Found{{"modbus_link.cpp", 1}});
+  CHECK(count(R"(\.send\()") == Found{{"modbus_link.cpp", 1}, {"tcp_link.cpp", 1}});
+  CHECK(count(R"(encode_frame\()") == Found{{"tcp_link.cpp", 1}});
 }

@@ -247,3 +247,32 @@ TEST_CASE("a recording without a single answer names the cause behind most misse
   other.stored = 1;
   CHECK(nothing_recorded({row, other}).empty());
 }
+
+TEST_CASE("a second recording begins with what the first has learned about a robot") {
+  ModbusServer modbus([](const Asked& a) { return a.function == 4 && a.holds(28) ? 2 : 0; });
+  const tacho::test::TempDir dir;
+  Config config = config_for(dir / "log", {{closed_port(), modbus.port()}});
+  config.robots[0].settings.period_us = {0, 0, 50'000, 50'000};
+  Recorder::Options options;
+  options.run_for_us = 500'000;
+  for (const bool again : {false, true}) {
+    modbus.take();
+    Recorder recorder(config, options);
+    wait_done(recorder);
+    const auto summary = recorder.finish();
+    CHECK(summary.at(0).stored > 0);
+    CHECK(summary.at(0).partial == 1);  // each recording says once what it does not have
+    const auto asked = modbus.take();
+    CHECK(std::any_of(asked.begin(), asked.end(), [](const Asked& a) { return a.function == 4 && a.holds(28); }) ==
+          !again);
+    CHECK(std::filesystem::exists(dir / "log" / "learned.json"));
+  }
+  std::ofstream(dir / "log" / "learned.json") << "{";
+  std::vector<std::string> notices;
+  options.notice = [&](const std::string& text) { notices.push_back(text); };
+  Recorder recorder(config, options);
+  wait_done(recorder);
+  recorder.finish();
+  REQUIRE_FALSE(notices.empty());
+  CHECK(notices[0].find("learned.json") != std::string::npos);
+}

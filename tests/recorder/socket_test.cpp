@@ -111,7 +111,7 @@ TEST_CASE("a first address that never answers leaves the second its share of the
   const Addresses addresses({kSilentHost, INADDR_LOOPBACK}, server.port());
   Socket socket("robot", server.port());
   const Micros start = mono_now_us();
-  const ConnectFailure failure = socket.connect(addresses.list(), start + 800'000);
+  const Failure failure = socket.connect(addresses.list(), start + 800'000);
   const Micros spent = mono_now_us() - start;
   INFO(failure.detail);
   REQUIRE_FALSE(failure.failed);
@@ -126,7 +126,7 @@ TEST_CASE("a host all of whose addresses are silent fails at the deadline, not a
   const Addresses addresses({kSilentHost, kSilentHost}, port);
   Socket socket("robot", port);
   const Micros start = mono_now_us();
-  const ConnectFailure failure = socket.connect(addresses.list(), start + 200'000);
+  const Failure failure = socket.connect(addresses.list(), start + 200'000);
   const Micros spent = mono_now_us() - start;
   CHECK(failure.failed);
   CHECK(failure.cause == Cause::connect_timeout);

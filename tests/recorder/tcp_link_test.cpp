@@ -198,6 +198,69 @@ TEST_CASE("only three fresh connections in a row make a robot one that does not 
   CHECK(link.poll(Source::io, kTimeout).ok);
 }
 
+TEST_CASE("three right numbers in a row end the judgement that a robot does not echo them") {
+  std::atomic<int> wrong{6};  // three to be judged, and three more that are taken all the same
+  TinyServer server([&](Peer& peer, int) {
+    for (wire::FrameHeader header = request(peer); header.type != 0; header = request(peer)) {
+      header.sequence = static_cast<std::uint16_t>(header.sequence + (wrong-- > 0 ? 500 : 0));
+      peer.write(answer(header, "{}"));
+    }
+  });
+  TcpLink link = link_to(server.port());
+  for (int i = 0; i < 8; ++i) {
+    CHECK(link.poll(Source::status, kTimeout).ok == (i >= 3));
+    CHECK(link.echoes_sequence() == (i < 2));
+  }
+  CHECK(link.poll(Source::status, kTimeout).ok);
+  CHECK(link.echoes_sequence());
+  wrong = 1;
+  CHECK(link.poll(Source::status, kTimeout).cause == Cause::wrong_sequence);
+}
+
+TEST_CASE("the error frames of the vendor's list are explained in words, each with a remedy") {
+  for (const auto& [type, words] :
+       {std::pair{60000, "19204"}, {60001, "firmware"}, {60002, "JSON"}, {60003, "version"}, {60004, "large"}}) {
+    TinyServer server([type = type](Peer& peer, int) {
+      const wire::FrameHeader header = request(peer);
+      peer.write(wire::encode_frame(1, header.sequence, static_cast<std::uint16_t>(type), ""));
+      peer.wait_closed();
+    });
+    TcpLink link = link_to(server.port());
+    const PollResult result = link.poll(Source::status, kTimeout);
+    CHECK(result.cause == Cause::error_frame);
+    INFO(result.detail);
+    CHECK(result.detail.find(std::to_string(type)) != std::string::npos);
+    CHECK(result.detail.find(words) != std::string::npos);
+    CHECK(result.notes.size() == 1);
+    CHECK(link.connected());
+  }
+}
+
+TEST_CASE("bodies that are no JSON are answers and kept as they are") {
+  for (const std::string& body : {std::string(), std::string("oops"), std::string("\xFF\xFE{\x00", 4)}) {
+    TinyServer server([&](Peer& peer, int) { serve_all(peer, body); });
+    TcpLink link = link_to(server.port());
+    const PollResult result = link.poll(Source::status, kTimeout);
+    CHECK(result.ok);
+    CHECK(result.body == body);
+  }
+}
+
+TEST_CASE("an answer that drips longer than the timeout is a timeout, however many bytes keep coming") {
+  TinyServer server([&](Peer& peer, int) {
+    const std::string bytes = answer(request(peer), std::string(5000, ' '));
+    for (std::size_t at = 0; at < bytes.size() && peer.alive(); ++at) {
+      peer.write(bytes.substr(at, 1));
+      std::this_thread::sleep_for(1ms);
+    }
+  });
+  TcpLink link = link_to(server.port());
+  const PollResult result = link.poll(Source::status, kShort);
+  CHECK(result.cause == Cause::timeout);
+  CHECK(result.detail.find("bytes of an answer") != std::string::npos);
+  CHECK_FALSE(link.connected());
+}
+
 TEST_CASE("a good answer in between starts the count of strange connections again") {
   TinyServer server([&](Peer& peer, int n) {
     wire::FrameHeader header = request(peer);

@@ -49,6 +49,11 @@ class Peer {
     }
   }
   [[nodiscard]] int fd() const { return fd_; }
+  /// False once the client has closed or the server stops; bytes that wait to be read count as life.
+  [[nodiscard]] bool alive() const {
+    char byte = 0;
+    return !stop_ && ::recv(fd_, &byte, 1, MSG_PEEK | MSG_DONTWAIT) != 0;
+  }
 
  private:
   bool wait() const {

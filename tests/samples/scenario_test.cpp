@@ -2,6 +2,9 @@
 
 #include "samples/simulator/scenario.hpp"
 
+#include "samples/simulator/robot.hpp"
+#include "samples/simulator/robot_clock.hpp"
+
 #include <filesystem>
 #include <fstream>
 
@@ -93,6 +96,44 @@ TEST_CASE("a file that is missing, empty or no JSON is named") {
   CHECK_THROWS_WITH(sim::load_scenarios("/no/such/file.json"), Contains("/no/such/file.json"));
   CHECK_THAT(complaint(""), Contains("is not JSON"));
   CHECK_THAT(complaint("[]"), Contains("holds no scenario"));
+}
+
+TEST_CASE("faults of the ports are read, and mistakes in them are named with their place") {
+  const auto faults =
+      load(R"({"link_faults": [{"fault": "late"}, {"fault": "silence", "port": "modbus", "from_s": 10, "to_s": 20}]})")
+          .at(0)
+          .link_faults;
+  REQUIRE(faults.size() == 2);
+  CHECK_FALSE(faults[0].port);
+  CHECK(faults[1].port == sim::Port::modbus);
+  CHECK(faults[1].from_s == 10);
+  CHECK(faults[1].to_s == 20);
+  CHECK_THAT(complaint(R"({"link_faults": [{"fault": "silense"}]})"),
+             Contains("link_faults[0]") && Contains("silence"));
+  CHECK_THAT(complaint(R"({"link_faults": [{"fault": "late", "port": "tcp"}]})"), Contains("modbus"));
+  CHECK_THAT(complaint(R"({"link_faults": [{"fault": "no_json", "port": "modbus"}]})"), Contains("no_json"));
+}
+
+TEST_CASE("the robot's clock steps, drifts and stands still when its scenario says so") {
+  constexpr tacho::Micros kSecond = 1'000'000;
+  sim::Scenario s;
+  CHECK(sim::clock_fault_us(s, 100 * kSecond) == 0);
+  s.clock_step_s = -3600;
+  s.clock_step_at_s = 10;
+  CHECK(sim::clock_fault_us(s, 10 * kSecond - 1) == 0);
+  CHECK(sim::clock_fault_us(s, 10 * kSecond) == -3600 * kSecond);
+  s = {};
+  s.clock_drift_ppm = 50;
+  CHECK(sim::clock_fault_us(s, 1000 * kSecond) == 50'000);
+  s = {};
+  s.clock_frozen_from_s = 5;
+  s.clock_frozen_s = 20;
+  CHECK(sim::clock_fault_us(s, 5 * kSecond) == 0);
+  CHECK(sim::clock_fault_us(s, 15 * kSecond) == -10 * kSecond);  // it shows what it showed at 5 s
+  CHECK(sim::clock_fault_us(s, 100 * kSecond) == -20 * kSecond);
+  const tacho::Micros t0 = 1'767'225'600'000'000;
+  sim::Robot robot(s, t0);
+  CHECK(robot.at(t0 + 15 * kSecond).clock_fault_us == -10 * kSecond);
 }
 
 TEST_CASE("every scenario that is shipped can be loaded") {

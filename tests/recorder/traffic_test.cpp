@@ -1,0 +1,82 @@
+// All that a recorder sends to a robot, captured on the way while everything goes wrong.
+
+#include "samples/simulator/serve.hpp"
+#include "tests/recorder/logging_proxy.hpp"
+#include "tests/recorder/recording.hpp"
+#include "tests/support/temp_dir.hpp"
+
+using namespace tacho;
+using namespace tacho::recorder;
+using namespace tacho::recorder::test;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr auto kEachFault = 80ms;
+
+std::map<int, int> status_requests(const std::vector<std::string>& connections) {
+  std::map<int, int> count;
+  for (const std::string& bytes : connections) {
+    wire::FrameDecoder decoder;
+    decoder.feed(bytes);
+    wire::Frame frame;
+    while (decoder.next(frame)) {
+      ++count[frame.header.type];
+      CHECK(frame.body == (frame.header.type == 1100 ? R"({"return_laser":false})" : ""));
+    }
+    CHECK_FALSE(decoder.bad());
+    CHECK(decoder.buffered() == 0);
+  }
+  return count;
+}
+
+std::map<int, int> modbus_requests(const std::vector<std::string>& connections) {
+  constexpr std::size_t kRequestBytes = 12;
+  std::map<int, int> count;
+  for (const std::string& bytes : connections) {
+    CHECK(bytes.size() % kRequestBytes == 0);
+    for (std::size_t at = 0; at + kRequestBytes <= bytes.size(); at += kRequestBytes) {
+      CHECK(bytes.substr(at + 2, 4) == std::string("\0\0\0\x06", 4));
+      ++count[static_cast<unsigned char>(bytes[at + 7])];
+    }
+  }
+  return count;
+}
+
+}  // namespace
+
+TEST_CASE("under every fault nothing but requests 1100 and 1013 and functions 2 and 4 leaves the recorder") {
+  sim::Scenario scenario;
+  scenario.always_idle = true;
+  sim::Server robot({{scenario, 0, 0}}, {});
+  const LoggingProxy status(robot.status_port(0));
+  const LoggingProxy modbus(robot.modbus_port(0));
+  const tacho::test::TempDir dir;
+  Config config = config_for(dir / "log", {{status.port(), modbus.port()}});
+  config.robots[0].settings.status.timeout_us = config.robots[0].settings.modbus.timeout_us = 60'000;
+  std::vector<SourceSummary> summary;
+  {
+    Recorder recorder(config, {});
+    for (const sim::LinkFault& fault : sim::link_faults()) {
+      for (const sim::Port port : {sim::Port::status, sim::Port::modbus}) {
+        robot.fault(0, port, &fault);
+      }
+      std::this_thread::sleep_for(kEachFault);
+    }
+    for (const sim::Port port : {sim::Port::status, sim::Port::modbus}) {
+      robot.fault(0, port, nullptr);
+    }
+    std::this_thread::sleep_for(1s);
+    recorder.stop();
+    summary = recorder.finish();
+  }
+  check_log(dir / "log", summary);
+  const auto frames = status_requests(status.sent());
+  REQUIRE(frames.size() == 2);
+  CHECK(frames.at(1100) > 20);
+  CHECK(frames.at(1013) > 20);
+  const auto functions = modbus_requests(modbus.sent());
+  REQUIRE(functions.size() == 2);
+  CHECK(functions.at(2) > 20);
+  CHECK(functions.at(4) > 20);
+}
