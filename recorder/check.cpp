@@ -26,6 +26,14 @@ std::string period_text(Micros period) {
   return period < 1'000'000 ? fmt::format("{:g} Hz", 1e6 / static_cast<double>(period)) : duration_text(period);
 }
 
+std::string rates_text(const Rates& rates) {
+  std::string text = period_text(rates.period_us[0]);
+  for (std::size_t i = 1; i < kActivityCount && rates.varies(); ++i) {
+    text += fmt::format(", {} when {}", period_text(rates.period_us[i]), kActivityNames[i]);
+  }
+  return text;
+}
+
 std::string text_or(const Sample& sample, FieldIndex f, std::string_view otherwise) {
   return sample.at(f).has() && !sample.text(f).empty() ? std::string(sample.text(f)) : std::string(otherwise);
 }
@@ -39,13 +47,12 @@ class RobotCheck {
 
   CheckResult run() {
     TcpLink status(status_options());
-    if (robot_.settings.period(Source::status) > 0) {
-      ask(status, Source::status, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
-    }
-    if (robot_.settings.period(Source::io) > 0) {
-      ask(status, Source::io, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
-    } else {
-      line(Source::io, io_off_text());
+    for (const Source source : {Source::status, Source::io, Source::pose}) {
+      if (robot_.settings.period(source) > 0) {
+        ask(status, source, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
+      } else if (source == Source::io) {
+        line(Source::io, io_off_text());
+      }
     }
     status.close();
     ModbusLink modbus(modbus_options());
@@ -102,7 +109,11 @@ class RobotCheck {
     std::sort(rtt.begin(), rtt.end());
     line(source, fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked every {}", last.body.size(),
                              static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls,
-                             period_text(robot_.settings.period(source))));
+                             rates_text(robot_.settings.rates(source))));
+    if (!last.give_up.empty()) {
+      ++result_.problems;
+      more(last.give_up);
+    }
     describe(source, std::move(last));
   }
 

@@ -17,7 +17,8 @@ bool HostClock::sleep_until(Micros mono_us) {
   busy_since_us_ = std::max(mono_us, mono_now_us());
   std::unique_lock lock(mutex_);
   const auto ahead = std::chrono::microseconds(mono_us - mono_now_us());
-  wake_.wait_until(lock, std::chrono::steady_clock::now() + ahead, [this] { return stopped_at_.has_value(); });
+  wake_.wait_until(lock, std::chrono::steady_clock::now() + ahead, [this] { return stopped_at_ || woken_; });
+  woken_ = false;
   busy_since_us_ = mono_now_us();
   return !stopped_at_;
 }
@@ -38,6 +39,14 @@ void HostClock::stop() {
     if (!stopped_at_) {
       stopped_at_ = mono_now_us();
     }
+  }
+  wake_.notify_all();
+}
+
+void HostClock::wake() {
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
   }
   wake_.notify_all();
 }

@@ -16,7 +16,7 @@ class Clock {
   virtual ~Clock() = default;
   [[nodiscard]] virtual Micros mono_us() const = 0;
   [[nodiscard]] virtual Micros wall_us() const = 0;
-  /// Returns at `mono_us`, or earlier when a stop is asked for; false then.
+  /// Returns at `mono_us`, or earlier when a stop is asked for, false then, or when somebody wakes the sleeper.
   virtual bool sleep_until(Micros mono_us) = 0;
   /// When the stop was asked for, by the monotonic clock; empty while running.
   [[nodiscard]] virtual std::optional<Micros> stopped_at() const = 0;
@@ -32,6 +32,8 @@ class HostClock final : public Clock {
   [[nodiscard]] std::optional<Micros> stopped_at() const override;
   /// Wakes every sleeper. A second call changes nothing.
   void stop();
+  /// Ends the sleep in progress, or the next one.
+  void wake();
   /// How long the sleeper has been awake, or has overslept: what it does takes that long. 0 while it sleeps as it
   /// should, and before its first sleep.
   [[nodiscard]] Micros busy_us() const;
@@ -41,6 +43,7 @@ class HostClock final : public Clock {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::optional<Micros> stopped_at_;
+  bool woken_ = false;
 };
 
 }  // namespace tacho::recorder

@@ -15,8 +15,12 @@ namespace tacho::recorder {
 
 namespace {
 
-constexpr std::array kSources{Source::status, Source::io, Source::registers, Source::inputs};
-constexpr Micros kIoWhenAsked = 500'000;
+/// Periods of sources that are off unless asked for, when they are only named.
+constexpr std::array kWhenNamed{std::pair{Source::io, Micros{500'000}}, std::pair{Source::pose, Micros{200'000}}};
+/// What registers mean is told by the inputs before them; readers look back this far.
+constexpr Micros kSlowestStandingInputs = 5'000'000;
+constexpr Micros kFastPose = 100'000;
+constexpr Micros kFastestPose = 50'000;
 constexpr Micros kShortestPeriod = 10'000;
 constexpr Micros kLongestPeriod = 86'400'000'000;
 constexpr Micros kShortestTimeout = 20'000;
@@ -61,12 +65,9 @@ std::optional<double> number(std::string_view text, std::string_view& rest) {
 Source source_of(std::string_view name, const std::string& what) {
   Source source{};
   if (!parse_source(name, source)) {
-    std::vector<std::string> names;
-    for (const Source s : kSources) {
-      names.emplace_back(source_name(s));
-    }
+    const std::vector<std::string> names = source_names();
     throw UsageError(what, fmt::format("no source '{}'{}", name, did_you_mean(name, names)),
-                     "the sources are status, io, registers, inputs");
+                     fmt::format("the sources are {}", fmt::join(names, ", ")));
   }
   return source;
 }
@@ -118,7 +119,10 @@ void apply_sources(const std::string& list, Config& config) {
       if (!chosen[i]) {
         settings.period_us[i] = 0;
       } else if (settings.period_us[i] == 0) {
-        settings.period_us[i] = usual.period_us[i] != 0 ? usual.period_us[i] : kIoWhenAsked;
+        settings.period_us[i] = usual.period_us[i];
+        for (const auto& [source, period] : kWhenNamed) {
+          settings.period_us[i] = source == static_cast<Source>(i) ? period : settings.period_us[i];
+        }
       }
     }
   });
@@ -129,11 +133,22 @@ void apply_periods(const std::string& list, Config& config) {
     const std::size_t equals = item.find('=');
     if (equals == std::string::npos) {
       throw UsageError("--period " + list, fmt::format("'{}' is not SOURCE=PERIOD", item),
-                       "for example status=1s,io=2Hz,inputs=off");
+                       "for example status=1s,status.idle=5s,io=2Hz,inputs=off");
     }
-    const Source source = source_of(item.substr(0, equals), "--period");
-    const Micros period = parse_period(item.substr(equals + 1), "--period " + item);
-    for_all_settings(config, [&](Settings& s) { s.period_us[static_cast<std::size_t>(source)] = period; });
+    const std::string what = "--period " + item;
+    const std::string value = item.substr(equals + 1);
+    const std::size_t dot = std::min(item.find('.'), equals);
+    const Source source = source_of(item.substr(0, dot), "--period");
+    if (dot < equals) {
+      const std::string activity = item.substr(dot + 1, equals - dot - 1);
+      for_all_settings(config, [&](Settings& s) { set_activity_period(s, source, activity, value, what); });
+    } else {
+      const Micros period = parse_period(value, what);
+      for_all_settings(config, [&](Settings& s) {
+        s.period_us[static_cast<std::size_t>(source)] = period;
+        s.standing[static_cast<std::size_t>(source)] = {};
+      });
+    }
   }
 }
 
@@ -141,17 +156,42 @@ std::string named(const RobotConfig& robot) {
   return fmt::format("{}{}robot {}", robot.where, robot.where.empty() ? "" : ": ", robot.name);
 }
 
-void check_rates(const RobotConfig& robot, Source a, Source b, Micros spacing_us, std::string_view what) {
+void check_rates(const RobotConfig& robot, Protocol protocol, Micros spacing_us, std::string_view what) {
   double share = 0.0;
-  for (const Source source : {a, b}) {
-    const Micros period = robot.settings.period(source);
-    share += period > 0 ? static_cast<double>(spacing_us) / static_cast<double>(period) : 0.0;
+  std::vector<std::string_view> names;
+  for (const Source source : all_sources()) {
+    const Micros period = source_info(source).protocol == protocol ? robot.settings.rates(source).fastest() : 0;
+    if (period > 0) {
+      share += static_cast<double>(spacing_us) / static_cast<double>(period);
+      names.push_back(source_name(source));
+    }
   }
   if (share > 1.0) {
     throw UsageError(named(robot),
-                     fmt::format("{} and {} together ask more often than the spacing of {} on one connection allows",
-                                 source_name(a), source_name(b), duration_text(spacing_us)),
+                     fmt::format("{} together ask more often than the spacing of {} on one connection allows",
+                                 fmt::join(names, " and "), duration_text(spacing_us)),
                      fmt::format("ask less often, or lower `spacing` of [{}]", what));
+  }
+}
+
+void check_pose(const RobotConfig& robot) {
+  const Micros fastest = robot.settings.rates(Source::pose).fastest();
+  const bool allowed = robot.settings.status.allow_fast;
+  if (fastest > 0 && fastest < (allowed ? kFastestPose : kFastPose)) {
+    throw UsageError(named(robot),
+                     fmt::format("pose every {} is more often than {} Hz", rate_text(fastest), allowed ? 20 : 10),
+                     allowed ? "ask less often"
+                             : "ask less often, or set allow_fast = true in [status] for up to 20 Hz, which is more "
+                               "than the vendor advises");
+  }
+}
+
+void check_inputs(const RobotConfig& robot) {
+  const Rates rates = robot.settings.rates(Source::inputs);
+  if (rates.varies() && rates.slowest() > kSlowestStandingInputs) {
+    throw UsageError(named(robot),
+                     "inputs that are asked less often while the robot stands need at least one poll in 5 s",
+                     "what registers mean depends on the inputs before them; choose 5s or less");
   }
 }
 
@@ -160,6 +200,47 @@ void check_rates(const RobotConfig& robot, Source a, Source b, Micros spacing_us
 std::string RobotConfig::address() const {
   const bool v6 = host.find(':') != std::string::npos;
   return fmt::format("{}{}{}:{}:{}", v6 ? "[" : "", host, v6 ? "]" : "", status_port, modbus_port);
+}
+
+Rates Settings::rates(Source source) const {
+  const Micros moving = period(source);
+  const StandingPeriods& other = standing[static_cast<std::size_t>(source)];
+  if (moving == 0) {
+    return {};
+  }
+  const Micros idle = other.idle_us > 0 ? other.idle_us : moving;
+  return {moving, idle, other.charging_us > 0 ? other.charging_us : idle};
+}
+
+Micros Settings::slowest_us() const {
+  Micros slowest = 0;
+  for (const Source source : all_sources()) {
+    slowest = std::max(slowest, rates(source).slowest());
+  }
+  return slowest;
+}
+
+bool Settings::rates_vary() const {
+  return std::any_of(all_sources().begin(), all_sources().end(), [this](Source s) { return rates(s).varies(); });
+}
+
+void set_activity_period(Settings& settings, Source source, std::string_view activity, std::string_view text,
+                         const std::string& what) {
+  const auto index = static_cast<std::size_t>(source);
+  const std::array<Micros*, kActivityCount> places{&settings.period_us[index], &settings.standing[index].idle_us,
+                                                   &settings.standing[index].charging_us};
+  const auto found = std::find(kActivityNames.begin(), kActivityNames.end(), activity);
+  if (found == kActivityNames.end()) {
+    const std::vector<std::string> names(kActivityNames.begin(), kActivityNames.end());
+    throw UsageError(what, fmt::format("a robot is never '{}'{}", activity, did_you_mean(activity, names)),
+                     fmt::format("known are {}", fmt::join(names, ", ")));
+  }
+  const Micros period = parse_period(text, what);
+  if (period == 0) {
+    throw UsageError(what, "a source cannot be off for a part of the time",
+                     "give a long period such as 1min, or switch the source off as a whole");
+  }
+  *places[static_cast<std::size_t>(found - kActivityNames.begin())] = period;
 }
 
 Micros parse_period(std::string_view text, const std::string& what) {
@@ -324,8 +405,10 @@ void validate(const Config& config) {
     if (std::all_of(periods.begin(), periods.end(), [](Micros p) { return p == 0; })) {
       throw UsageError(named(robot), "every source is off", "switch one on, or drop the robot");
     }
-    check_rates(robot, Source::status, Source::io, robot.settings.status.spacing_us, "status");
-    check_rates(robot, Source::registers, Source::inputs, robot.settings.modbus.spacing_us, "modbus");
+    check_rates(robot, Protocol::status_port, robot.settings.status.spacing_us, "status");
+    check_rates(robot, Protocol::modbus, robot.settings.modbus.spacing_us, "modbus");
+    check_pose(robot);
+    check_inputs(robot);
   }
 }
 

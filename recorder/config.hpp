@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "recorder/rates.hpp"
 #include "schema/error.hpp"
 #include "schema/records.hpp"
 #include "schema/store/retention.hpp"
@@ -27,6 +28,7 @@ struct StatusSettings {
   Micros spacing_us = 100'000;    ///< between requests on the connection; the vendor's advice is 100 to 200 ms
   std::uint8_t version = 1;       ///< header byte 1: 1 for RBK 3.4, 2 for RBK 3.5
   wire::StatusRequest request;    ///< parameters of request 1100
+  bool allow_fast = false;        ///< pose at more than 10 Hz, which is more than the vendor advises; 20 Hz at most
 };
 
 struct ModbusSettings {
@@ -36,13 +38,26 @@ struct ModbusSettings {
   std::optional<WordOrder> word_order;  ///< empty: detected at the first answer
 };
 
+/// Periods of a source while the robot does not move; 0 = as while it is idle, and then as while it moves.
+struct StandingPeriods {
+  Micros idle_us = 0;
+  Micros charging_us = 0;
+};
+
 /// What may differ from robot to robot.
 struct Settings {
-  /// Microseconds per source, 0 = not recorded. io is off because request 1100 carries DI and DO on current firmware.
+  /// Microseconds per source while the robot moves, 0 = not recorded, whatever `standing` says. io is off because
+  /// request 1100 carries DI and DO on current firmware.
   std::array<Micros, kSourceCount> period_us{1'000'000, 0, 200'000, 200'000};
+  std::array<StandingPeriods, kSourceCount> standing{};
   StatusSettings status;
   ModbusSettings modbus;
   [[nodiscard]] Micros period(Source source) const { return period_us[static_cast<std::size_t>(source)]; }
+  /// All zero when it is not recorded.
+  [[nodiscard]] Rates rates(Source source) const;
+  /// Of all sources that are recorded.
+  [[nodiscard]] Micros slowest_us() const;
+  [[nodiscard]] bool rates_vary() const;
 };
 
 struct RobotConfig {
@@ -69,7 +84,7 @@ struct Config {
 struct Overrides {
   std::vector<std::string> robots;  ///< NAME=HOST[:STATUS_PORT[:MODBUS_PORT]]
   std::optional<std::string> log;
-  std::optional<std::string> periods;  ///< "status=1s,io=2Hz,inputs=off"
+  std::optional<std::string> periods;  ///< "status=1s,status.idle=5s,io=2Hz,inputs=off"
   std::optional<std::string> sources;  ///< "status,io": these and no others
   std::optional<std::string> commit;
   std::optional<std::string> timeout;
@@ -101,6 +116,9 @@ std::string to_toml(const Config& config);
 RobotConfig parse_robot(std::string_view text, const Settings& defaults);
 /// "1s", "500ms", "2Hz"; 0 for "off". `what` names the value in the error.
 Micros parse_period(std::string_view text, const std::string& what);
+/// The same of one activity: "off" is refused, because a source is off as a whole.
+void set_activity_period(Settings& settings, Source source, std::string_view activity, std::string_view text,
+                         const std::string& what);
 Micros parse_length(std::string_view text, const std::string& what, Micros least, Micros most);
 /// "256MB", "1GB"; binary multiples.
 std::uint64_t parse_size(std::string_view text, const std::string& what);

@@ -118,13 +118,30 @@ std::uint16_t port_of(const toml::node& value, const std::string& what) {
   return static_cast<std::uint16_t>(port);
 }
 
-std::vector<Key> source_keys(Settings& s) {
+/// status = { moving = "200ms", idle = "1s", charging = "5s" }
+std::vector<Key> activity_keys(Settings& s, Source source) {
   std::vector<Key> keys;
-  for (const Source source : {Source::status, Source::io, Source::registers, Source::inputs}) {
-    Micros* const period = &s.period_us[static_cast<std::size_t>(source)];
-    keys.push_back({std::string(source_name(source)), [period](const toml::node& v, const std::string& what) {
-                      *period = parse_period(text_of(v, what), what);
+  for (const std::string_view activity : kActivityNames) {
+    keys.push_back({std::string(activity), [&s, source, activity](const toml::node& v, const std::string& what) {
+                      set_activity_period(s, source, activity, text_of(v, what), what);
                     }});
+  }
+  return keys;
+}
+
+std::vector<Key> source_keys(const Reader& reader, Settings& s) {
+  std::vector<Key> keys;
+  for (const Source source : all_sources()) {
+    keys.push_back(
+        {std::string(source_name(source)), [&reader, &s, source](const toml::node& v, const std::string& what) {
+           const auto index = static_cast<std::size_t>(source);
+           s.standing[index] = {};
+           if (const toml::table* const table = v.as_table()) {
+             reader.table(*table, fmt::format("[sources] {}", source_name(source)), activity_keys(s, source));
+           } else {
+             s.period_us[index] = parse_period(text_of(v, what), what);
+           }
+         }});
   }
   return keys;
 }
@@ -154,6 +171,7 @@ std::vector<Key> status_keys(StatusSettings& s) {
       {"return_laser", flag(s.request.return_laser)},
       {"return_beams3D", flag(s.request.return_beams3d)},
       {"return_mid360", flag(s.request.return_mid360)},
+      {"allow_fast", [&s](const toml::node& v, const std::string& what) { s.allow_fast = flag_of(v, what); }},
       {"language", [&s](const toml::node& v, const std::string& what) { s.request.language = text_of(v, what); }},
   };
 }
@@ -175,8 +193,10 @@ std::vector<Key> modbus_keys(ModbusSettings& s) {
 /// The three tables that exist for all robots and for one.
 std::vector<Key> settings_keys(const Reader& reader, Settings& s) {
   return {
-      {"sources", [&](const toml::node& v,
-                      const std::string& what) { reader.table(table_of(v, what), "[sources]", source_keys(s)); }},
+      {"sources",
+       [&](const toml::node& v, const std::string& what) {
+         reader.table(table_of(v, what), "[sources]", source_keys(reader, s));
+       }},
       {"status", [&](const toml::node& v,
                      const std::string& what) { reader.table(table_of(v, what), "[status]", status_keys(s.status)); }},
       {"modbus", [&](const toml::node& v,
@@ -224,12 +244,22 @@ RobotConfig read_robot(const Reader& reader, const toml::table& table, const Set
 void append_settings(const Settings& s, toml::table& out) {
   const auto text = [](Micros us) { return us == 0 ? std::string("0s") : fmt::format("{}us", us); };
   toml::table sources;
-  for (const Source source : {Source::status, Source::io, Source::registers, Source::inputs}) {
-    sources.insert(source_name(source), s.period(source) == 0 ? "off" : text(s.period(source)));
+  for (const Source source : all_sources()) {
+    const Rates rates = s.rates(source);
+    if (!rates.varies()) {
+      sources.insert(source_name(source), s.period(source) == 0 ? "off" : text(s.period(source)));
+      continue;
+    }
+    toml::table periods;
+    for (std::size_t i = 0; i < kActivityCount; ++i) {
+      periods.insert(kActivityNames[i], text(rates.period_us[i]));
+    }
+    sources.insert(source_name(source), periods);
   }
   toml::table status{{"timeout", text(s.status.timeout_us)},
                      {"spacing", text(s.status.spacing_us)},
-                     {"version", std::int64_t{s.status.version}}};
+                     {"version", std::int64_t{s.status.version}},
+                     {"allow_fast", s.status.allow_fast}};
   const wire::StatusRequest& request = s.status.request;
   toml::array keys;
   for (const std::string& key : request.keys) {

@@ -14,27 +14,22 @@ namespace {
 
 constexpr Micros kRobotStagger = 13'000;  // first polls of robots are this far apart, so that they do not burst
 
-struct Connection {
-  Protocol protocol;
-  std::array<Source, 2> sources;
-};
-constexpr std::array kConnections{Connection{Protocol::status_port, {Source::status, Source::io}},
-                                  Connection{Protocol::modbus, {Source::registers, Source::inputs}}};
+constexpr std::array kConnections{Protocol::status_port, Protocol::modbus};
 
 /// The sources of one connection, shifted against each other and against other robots.
-std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_index, const Connection& connection) {
+std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_index, Protocol protocol) {
   std::vector<PolledSource> out;
   Micros shortest = 0;
-  for (const Source source : connection.sources) {
-    const Micros period = robot.settings.period(source);
-    if (period > 0) {
-      out.push_back({source, period, 0});
-      shortest = shortest == 0 ? period : std::min(shortest, period);
+  for (const Source source : all_sources()) {
+    const Rates rates = robot.settings.rates(source);
+    if (source_info(source).protocol == protocol && rates.fastest() > 0) {
+      out.push_back({source, rates, 0});
+      shortest = shortest == 0 ? rates.fastest() : std::min(shortest, rates.fastest());
     }
   }
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Micros apart = shortest * static_cast<Micros>(i) / static_cast<Micros>(out.size());
-    out[i].phase_us = (apart + kRobotStagger * static_cast<Micros>(robot_index)) % out[i].period_us;
+    out[i].phase_us = (apart + kRobotStagger * static_cast<Micros>(robot_index)) % out[i].rates.fastest();
   }
   return out;
 }
@@ -79,18 +74,23 @@ void Fleet::Station::stop() {
   poller->interrupt();
 }
 
-std::unique_ptr<Fleet::Station> Fleet::make_station(const RobotConfig& robot, RobotId id, std::size_t index,
+std::unique_ptr<Fleet::Station> Fleet::make_station(const RobotConfig& robot, const Crew& crew, std::size_t index,
                                                     Protocol protocol) {
   PollerOptions out;
-  out.robot = id;
+  out.robot = crew.id;
   out.session = options_.session;
+  out.watch = crew.watch.get();
+  if (options_.stranger) {
+    out.stranger = [this, id = crew.id](const Identity& other) { options_.stranger(id, other); };
+  }
+  out.word_order = robot.settings.modbus.word_order.value_or(WordOrder::cdab);
   const bool modbus = protocol == Protocol::modbus;
-  out.sources = polled(robot, index, kConnections[modbus ? 1 : 0]);
+  out.sources = polled(robot, index, protocol);
   if (out.sources.empty()) {
     return nullptr;
   }
   for (PolledSource& source : out.sources) {
-    const auto earlier = ended_.find({id, source.source});
+    const auto earlier = ended_.find({crew.id, source.source});
     source.first_seq = earlier == ended_.end() ? 0 : earlier->second.planned;
   }
   auto station = std::make_unique<Station>();
@@ -108,12 +108,20 @@ void Fleet::run(Station& station, Micros start_us) {
   --running_;
 }
 
-void Fleet::start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us) {
+void Fleet::start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us) {
   auto crew = std::make_unique<Crew>();
-  crew->robot = robot.name;
-  crew->id = id;
-  for (const Connection& connection : kConnections) {
-    if (auto station = make_station(robot, id, index, connection.protocol)) {
+  crew->robot = row.name;
+  crew->id = row.id;
+  RobotWatch::Options watch;
+  watch.identity = row.identity;
+  watch.rates_vary = robot.settings.rates_vary();
+  watch.stale_us = std::max(watch.stale_us, 3 * robot.settings.slowest_us());
+  crew->watch = std::make_unique<RobotWatch>(std::move(watch), reader_);
+  crew->watch->on_faster([&crew = *crew] {
+    std::for_each(crew.stations.begin(), crew.stations.end(), [](const auto& station) { station->clock.wake(); });
+  });
+  for (const Protocol protocol : kConnections) {
+    if (auto station = make_station(robot, *crew, index, protocol)) {
       crew->stations.push_back(std::move(station));
     }
   }
@@ -125,10 +133,10 @@ void Fleet::start(const RobotConfig& robot, RobotId id, std::size_t index, Micro
   crews_.push_back(std::move(crew));
 }
 
-void Fleet::retire(const std::string& robot) {
-  const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->robot == robot; });
+Identity Fleet::retire(RobotId row) {
+  const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->id == row; });
   if (found == crews_.end()) {
-    return;
+    return {};
   }
   for (const auto& station : (*found)->stations) {
     station->stop();
@@ -140,11 +148,22 @@ void Fleet::retire(const std::string& robot) {
   for (const auto& station : (*found)->stations) {
     for (std::size_t lane = 0; lane < station->poller->options().sources.size(); ++lane) {
       StreamCounts counts = counts_of(**found, *station->poller, lane);
-      counts.period_us = 0;
+      counts.last_period_us = std::exchange(counts.period_us, 0);
       ended_[{counts.id, counts.source}] = std::move(counts);
     }
   }
+  Identity identity = (*found)->watch->identity();
   crews_.erase(found);
+  return identity;
+}
+
+std::map<RobotId, Identity> Fleet::identities() const {
+  const std::lock_guard lock(mutex_);
+  std::map<RobotId, Identity> out;
+  for (const auto& crew : crews_) {
+    out.emplace(crew->id, crew->watch->identity());
+  }
+  return out;
 }
 
 void Fleet::stop() {
@@ -174,8 +193,8 @@ Fleet::StreamCounts Fleet::counts_of(const Crew& crew, const Poller& poller, std
   out.robot = crew.robot;
   out.id = crew.id;
   out.source = plan.source;
-  out.period_us = plan.period_us;
   const SourceCounters& counters = poller.counters(lane);
+  out.period_us = counters.period_us;
   out.planned = counters.planned;  // a number of a poll: of all pollers
   for (std::size_t cause = 0; cause < kCauseCount; ++cause) {
     out.missed[cause] += counters.missed[cause];

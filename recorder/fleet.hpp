@@ -35,6 +35,15 @@ class Fleet {
     LinkFactory make = make_links(std::make_shared<LinkMemory>());
     SessionId session = 0;
     Micros end_us = 0;  ///< monotonic; no poll is due later
+    /// Where this row of the log was asked another robot answers. From the thread of a poller, which counts as running
+    /// until it returns: it must not wait for the fleet.
+    std::function<void(RobotId row, const Identity& other)> stranger;
+  };
+  /// The robot of the log that is recorded.
+  struct Row {
+    RobotId id = 0;
+    std::string name;   ///< in the log; differs from the configured one when another robot was found there
+    Identity identity;  ///< as far as it is known
   };
   /// `sink` must outlive it.
   Fleet(Options options, Sink& sink) : options_(std::move(options)), sink_(sink) {}
@@ -44,9 +53,11 @@ class Fleet {
 
   /// Polls are due from `start_us` (monotonic) on. `index`: place in the configuration; keeps the first polls of robots
   /// apart.
-  void start(const RobotConfig& robot, RobotId id, std::size_t index, Micros start_us);
-  /// Ends the polling of one robot; returns when its last row is in the sink.
-  void retire(const std::string& robot);
+  void start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us);
+  /// Ends the polling of one robot; returns when its last row is in the sink. Its identity, as it is known now.
+  Identity retire(RobotId row);
+  /// Of the robots that are asked, as they are known now; by row of the log.
+  [[nodiscard]] std::map<RobotId, Identity> identities() const;
   /// Ends all polling; does not wait.
   void stop();
   void join();
@@ -58,7 +69,8 @@ class Fleet {
     std::string robot;
     RobotId id = 0;
     Source source = Source::status;
-    Micros period_us = 0;  ///< 0: nobody asks any more
+    Micros period_us = 0;       ///< in force; 0: nobody asks any more
+    Micros last_period_us = 0;  ///< of a stream that nobody asks any more
     std::uint64_t planned = 0;
     std::array<std::uint64_t, kCauseCount> missed{};
   };
@@ -80,16 +92,19 @@ class Fleet {
     void stop();
   };
   struct Crew {
-    std::string robot;
+    std::string robot;  // as the log names it
     RobotId id = 0;
+    std::unique_ptr<RobotWatch> watch;
     std::vector<std::unique_ptr<Station>> stations;
   };
-  std::unique_ptr<Station> make_station(const RobotConfig& robot, RobotId id, std::size_t index, Protocol protocol);
+  std::unique_ptr<Station> make_station(const RobotConfig& robot, const Crew& crew, std::size_t index,
+                                        Protocol protocol);
   void run(Station& station, Micros start_us);
   [[nodiscard]] StreamCounts counts_of(const Crew& crew, const Poller& poller, std::size_t lane) const;
 
   const Options options_;
   Sink& sink_;
+  AnswerReader reader_;
   std::atomic<std::size_t> running_{0};
   mutable std::mutex mutex_;  // the two below
   std::vector<std::unique_ptr<Crew>> crews_;

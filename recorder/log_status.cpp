@@ -37,14 +37,19 @@ std::optional<Config> config_in_force(RowSource& log, const Session& session) {
   }
 }
 
-/// How often a stream of the session is asked now.
-Micros period_of(const std::optional<Config>& config, const std::string& robot, const Stream& stream) {
+/// How often a stream of the session is asked now. Where that depends on the robot, events tell the changes of the last
+/// day: before them it was the first rate in a `young` session, and else it may be the slowest.
+Micros period_of(const std::optional<Config>& config, const std::string& robot, const Stream& stream, bool young) {
   if (!config) {
     return stream.period_us;
   }
   const auto found = std::find_if(config->robots.begin(), config->robots.end(),
                                   [&](const RobotConfig& one) { return one.name == robot; });
-  return found == config->robots.end() ? 0 : found->settings.period(stream.source);
+  if (found == config->robots.end()) {
+    return 0;
+  }
+  const Rates rates = found->settings.rates(stream.source);
+  return rates.varies() && young ? stream.period_us : rates.slowest();
 }
 
 /// Sources of one connection go up and down together; the event names one of them.
@@ -52,15 +57,24 @@ void note_link(const Event& event, std::map<Source, StreamStatus*>& streams) {
   if (event.kind != EventKind::link_up && event.kind != EventKind::link_down) {
     return;
   }
-  const auto of_status_port = [](Source source) { return source == Source::status || source == Source::io; };
   for (const auto& [source, stream] : streams) {
-    if (of_status_port(source) == of_status_port(event.source)) {
+    if (source_info(source).protocol == source_info(event.source).protocol) {
       stream->lost = event.kind == EventKind::link_up ? "" : event.new_value;
     }
   }
 }
 
-void read_recent(RowSource& log, RobotId robot, Micros newest_us, std::map<Source, StreamStatus*>& streams) {
+void note_rate(const Event& event, SessionId session, std::map<Source, StreamStatus*>& streams) {
+  const auto stream = streams.find(event.source);
+  if (event.kind == EventKind::rate && event.session == session && stream != streams.end()) {
+    stream->second->period_us = parse_rate(event.new_value).value_or(stream->second->period_us);
+  }
+}
+
+/// `session`: the one that is looked at.
+void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros newest_us,
+                 std::map<Source, StreamStatus*>& streams) {
+  const auto [robot, session] = of;
   Selection times;
   for (const auto& [source, stream] : streams) {
     times.rows[static_cast<std::size_t>(source)] = true;
@@ -87,11 +101,12 @@ void read_recent(RowSource& log, RobotId robot, Micros newest_us, std::map<Sourc
     }
     for (const Event& event : slice.events) {
       note_link(event, streams);
+      note_rate(event, session, streams);
     }
   });
 }
 
-std::vector<StreamStatus> streams_of(const RowSource& log, SessionId session, const std::optional<Config>& config,
+std::vector<StreamStatus> streams_of(const RowSource& log, const Session& session, const std::optional<Config>& config,
                                      std::map<RobotId, std::vector<std::size_t>>& places) {
   std::map<RobotId, std::string> names;
   for (const Robot& robot : log.robots()) {
@@ -100,13 +115,12 @@ std::vector<StreamStatus> streams_of(const RowSource& log, SessionId session, co
   const std::vector<Coverage> coverage = log.coverage();
   std::vector<StreamStatus> out;
   for (const Stream& stream : log.streams()) {
-    if (stream.session != session) {
+    if (stream.session != session.id) {
       continue;
     }
     StreamStatus row;
     row.robot = names[stream.robot];
     row.source = stream.source;
-    row.period_us = period_of(config, row.robot, stream);
     row.word_order = stream.source == Source::registers ? word_order_name(stream.word_order) : "";
     const auto known = std::find_if(coverage.begin(), coverage.end(), [&](const Coverage& c) {
       return c.robot == stream.robot && c.source == stream.source;
@@ -116,6 +130,8 @@ std::vector<StreamStatus> streams_of(const RowSource& log, SessionId session, co
       row.stored = known->stored;
       row.missed = known->missed;
     }
+    const bool young = row.last_answer_us - session.t_start_us < kDay;
+    row.period_us = period_of(config, row.robot, stream, young);
     places[stream.robot].push_back(out.size());
     out.push_back(std::move(row));
   }
@@ -190,7 +206,7 @@ LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
   const std::optional<Config> config = config_in_force(*log, out.session);
   out.rules = config ? config->retention : store::RetentionRules{};
   std::map<RobotId, std::vector<std::size_t>> places;
-  out.streams = streams_of(*log, out.session.id, config, places);
+  out.streams = streams_of(*log, out.session, config, places);
   for (const StreamStatus& stream : out.streams) {
     out.newest_us = std::max(out.newest_us, stream.last_answer_us);
   }
@@ -199,7 +215,7 @@ LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
     for (const std::size_t row : rows) {
       streams[out.streams[row].source] = &out.streams[row];
     }
-    read_recent(*log, robot, out.newest_us, streams);
+    read_recent(*log, {robot, out.session.id}, out.newest_us, streams);
   }
   for (StreamStatus& stream : out.streams) {
     const Micros commit_us = config ? config->commit_us : 0;

@@ -82,12 +82,12 @@ std::vector<std::filesystem::path> part_files(const std::filesystem::path& log, 
 }  // namespace
 
 std::vector<Source> parse_sources(const std::vector<std::string>& names) {
-  const std::vector<std::string> known{"status", "io", "registers", "inputs"};
+  const std::vector<std::string> known = source_names();
   std::vector<Source> out;
   for (const std::string& name : names) {
     if (!parse_source(name, out.emplace_back())) {
       throw UsageError("--source " + name, "no such source" + did_you_mean(name, known),
-                       "the sources are status, io, registers, inputs");
+                       fmt::format("the sources are {}", fmt::join(known, ", ")));
     }
   }
   return out;
@@ -108,7 +108,7 @@ std::vector<FieldIndex> parse_fields(const std::vector<std::string>& names) {
 
 Tail::Tail(TailOptions options, Micros from_us) : options_(std::move(options)), from_us_(from_us), newest_us_(from_us) {
   if (options_.sources.empty()) {
-    options_.sources = {Source::status, Source::io, Source::registers, Source::inputs};
+    options_.sources.assign(all_sources().begin(), all_sources().end());
   }
   if (options_.fields.empty()) {
     options_.fields.assign(kUsualFields.begin(), kUsualFields.end());

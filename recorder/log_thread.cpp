@@ -16,9 +16,7 @@ namespace {
 constexpr int kAnswersBeforeIoNotice = 5;
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
-std::string_view connection_name(Source source) {
-  return source == Source::status || source == Source::io ? "status port" : "modbus";
-}
+std::string_view connection_name(Source source) { return protocol_name(source_info(source).protocol); }
 
 }  // namespace
 
@@ -28,9 +26,9 @@ LogThread::LogThread(store::LogWriter& writer, Ingest& ingest, Options options)
       options_(std::move(options)),
       queue_(options_.queue_items, options_.queue_bytes) {}
 
-void LogThread::watch(RobotId robot, const RobotConfig& config) {
+void LogThread::watch(RobotId robot, const std::string& name, const RobotConfig& config) {
   const bool expects_io = config.settings.period(Source::io) == 0 && config.settings.status.request.keys.empty();
-  watched_[robot] = Watched{config.name, expects_io, 0};
+  watched_[robot] = Watched{name, expects_io, 0};
   const std::lock_guard lock(numbers_mutex_);
   for (std::size_t s = 0; s < kSourceCount; ++s) {
     if (config.settings.period_us[s] > 0) {
@@ -248,6 +246,15 @@ void LogThread::tell(const Event& event) {
     case EventKind::client_limit:
     case EventKind::no_sequence_echo:
       options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      break;
+    case EventKind::identity_changed:
+      options_.notice(
+          fmt::format("{}: {}: it was {}, the other is {}", robot, event.detail, event.old_value, event.new_value));
+      break;
+    case EventKind::rate:
+      if (parse_rate(event.new_value) == 0) {
+        options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      }
       break;
     case EventKind::word_order:
       options_.notice(fmt::format("{}: {} {}: {}", robot, event.subject.empty() ? "word order" : event.subject,

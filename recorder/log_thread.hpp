@@ -41,8 +41,8 @@ class LogThread final : public Sink {
   /// `writer` has begun its session; it belongs to the thread until finish() returns.
   LogThread(store::LogWriter& writer, Ingest& ingest, Options options);
   ~LogThread() override;
-  /// What is recorded of a robot from now on. Before start(), or inside call().
-  void watch(RobotId robot, const RobotConfig& config);
+  /// What is recorded of a robot from now on; `name`: in messages. Before start(), or inside call().
+  void watch(RobotId robot, const std::string& name, const RobotConfig& config);
   /// Begins writing; `planned` may be called from now on.
   void start();
   /// Runs `task` on the thread, after everything queued so far, and waits for it. Throws what it throws, or Error when

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,7 +14,10 @@
 #include "recorder/config.hpp"
 #include "recorder/log_status.hpp"
 #include "recorder/log_tail.hpp"
+#include "recorder/mark.hpp"
 #include "recorder/run_command.hpp"
+#include "schema/log.hpp"
+#include "schema/text.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -29,6 +34,7 @@ struct LogArguments {
   std::vector<std::string> robots;
   std::vector<std::string> sources;
   std::vector<std::string> fields;
+  std::string text;
   bool events = false;
   std::string last;
   std::string run_for;
@@ -66,6 +72,24 @@ int tail_command(const LogArguments& arguments) {
   return 0;
 }
 
+int mark_command(const LogArguments& arguments) {
+  const Mark mark{arguments.robots.empty() ? "" : arguments.robots.front(), arguments.text};
+  check_mark_text(mark.text);
+  if (!mark.robot.empty()) {
+    const std::vector<std::filesystem::path> logs{arguments.log};
+    std::vector<std::string> names;
+    for (const Robot& robot : open_log(logs)->robots()) {
+      names.push_back(robot.name);
+    }
+    if (std::find(names.begin(), names.end(), mark.robot) == names.end()) {
+      throw UsageError("--robot " + mark.robot, "no such robot in this log" + did_you_mean(mark.robot, names),
+                       fmt::format("the robots are {}", fmt::join(names, ", ")));
+    }
+  }
+  send_mark(arguments.log, mark);
+  return 0;
+}
+
 void add_log_options(CLI::App& command, LogArguments& arguments) {
   command.add_option("log", arguments.log, "folder of the log")->type_name("LOG")->required();
   command.add_option("--format", arguments.format, "table or json (table)")
@@ -94,10 +118,11 @@ void add_options(CLI::App& command, RunArguments& arguments) {
       ->type_name("ROBOT")
       ->allow_extra_args(false);
   command.add_option("--log", o.log, "folder of the log; made when it does not exist")->type_name("DIR");
-  command.add_option("--sources", o.sources, "record these and no others: status,io,registers,inputs")
+  command.add_option("--sources", o.sources, "record these and no others: status,io,registers,inputs,pose")
       ->type_name("LIST");
   command
-      .add_option("--period", o.periods, "how often, as durations or rates: status=1s,io=2Hz,registers=5Hz,inputs=off")
+      .add_option("--period", o.periods,
+                  "how often: status=1s,status.idle=5s,io=2Hz,inputs=off (.moving, .idle, .charging: what it is doing)")
       ->type_name("LIST");
   command.add_option("--timeout", o.timeout, "longest wait for an answer, connecting included (1s)")->type_name("TIME");
   command.add_option("--unit", o.unit, "Modbus unit id (1)");
@@ -126,6 +151,11 @@ int parse_and_run(int argc, char** argv) {
   add_log_options(*status_cmd, of_log);
   CLI::App* const tail_cmd = app.add_subcommand("tail", "follow a log: new answers, events and gaps, one line each");
   add_tail_options(*tail_cmd, of_log);
+  CLI::App* const mark_cmd =
+      app.add_subcommand("mark", "write a text into the log that is being recorded, as an event");
+  mark_cmd->add_option("log", of_log.log, "folder of the log")->type_name("LOG")->required();
+  mark_cmd->add_option("text", of_log.text, "what to find again later")->type_name("TEXT")->required();
+  mark_cmd->add_option("--robot", of_log.robots, "of this robot (all)")->expected(1)->type_name("NAME");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -139,6 +169,9 @@ int parse_and_run(int argc, char** argv) {
   }
   if (tail_cmd->parsed()) {
     return tail_command(of_log);
+  }
+  if (mark_cmd->parsed()) {
+    return mark_command(of_log);
   }
   return check_cmd->parsed() ? check_command(arguments) : run_command(arguments);
 }

@@ -1,5 +1,7 @@
 #include "recorder/poller.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -20,15 +22,20 @@ Poller::Poller(PollerOptions options, std::unique_ptr<Link> link, Clock& clock, 
     lanes_.push_back(std::make_unique<Lane>());
     lanes_.back()->plan = plan;
     lanes_.back()->counters.planned = plan.first_seq;
+    lanes_.back()->counters.period_us = plan.rates.fastest();
   }
 }
 
 Micros Poller::wall_of(Micros mono_us) const { return clock_.wall_us() - (clock_.mono_us() - mono_us); }
 
-Poller::Lane& Poller::next_lane() {
-  return **std::min_element(lanes_.begin(), lanes_.end(), [](const auto& a, const auto& b) {
-    return a->schedule->next_due_us() < b->schedule->next_due_us();
-  });
+/// The lane whose poll is due first; null when all were given up.
+Poller::Lane* Poller::next_lane() {
+  Lane* first = nullptr;
+  for (const auto& lane : lanes_) {
+    const bool sooner = first == nullptr || lane->schedule->next_due_us() < first->schedule->next_due_us();
+    first = !lane->given_up && sooner ? lane.get() : first;
+  }
+  return first;
 }
 
 void Poller::run(Micros start_us, Micros end_us) {
@@ -37,28 +44,69 @@ void Poller::run(Micros start_us, Micros end_us) {
     stream.robot = options_.robot;
     stream.session = options_.session;
     stream.source = lane->plan.source;
-    const Micros before_us = static_cast<Micros>(lane->plan.first_seq) * lane->plan.period_us;
-    lane->schedule.emplace(start_us + lane->plan.phase_us - before_us, lane->plan.period_us);
-    lane->schedule->take(lane->plan.first_seq);
+    lane->schedule.emplace(start_us + lane->plan.phase_us, lane->plan.rates.fastest(), lane->plan.first_seq);
     lane->gaps.emplace(stream, options_.gap_flush_us, [this](const Gap& gap) { sink_.gap(gap); });
   }
   while (!lanes_.empty()) {
-    Lane& lane = next_lane();
-    const Micros due_us = lane.schedule->next_due_us();
-    if (due_us >= end_us) {
-      break;
-    }
+    adapt();
+    Lane* const lane = next_lane();
+    // Without a lane the connection is held all the same: some robots stop when their last client goes.
+    const Micros due_us = lane == nullptr ? end_us : lane->schedule->next_due_us();
     // While the link is down nothing is sent, so nothing needs to keep a distance.
     const bool waiting = outage_ && due_us < outage_->retry_us;
-    if (!clock_.sleep_until(waiting ? due_us : std::max(due_us, not_before_us_))) {
+    const Micros wake_us = waiting ? due_us : std::max(due_us, not_before_us_);
+    if ((lane != nullptr && due_us >= end_us) || !clock_.sleep_until(wake_us)) {
+      break;
+    }
+    if (clock_.mono_us() < wake_us) {
+      continue;  // woken, because rates may have changed
+    }
+    if (lane == nullptr) {
       break;
     }
     // Late at the end, polls that would be due after it are not part of the plan.
-    serve(lane, std::min(clock_.mono_us(), end_us - 1));
+    serve(*lane, std::min(clock_.mono_us(), end_us - 1));
     flush_old_gaps();
+    if (stranger_) {
+      break;
+    }
   }
-  finish(std::min(end_us, clock_.stopped_at().value_or(end_us)));
+  const Micros stopped_us = stranger_ ? clock_.mono_us() : clock_.stopped_at().value_or(end_us);
+  finish(std::min(end_us, stopped_us));
   link_->close();
+  if (stranger_ && options_.stranger) {
+    options_.stranger(*stranger_);
+  }
+}
+
+/// Polls that are due later than now follow what the robot is doing.
+void Poller::adapt() {
+  if (options_.watch == nullptr) {
+    return;
+  }
+  const Micros now_us = clock_.mono_us();
+  const Activities possible = options_.watch->possible(now_us);
+  for (const auto& lane : lanes_) {
+    const Micros period_us = lane->plan.rates.in(possible);
+    if (!lane->given_up && period_us != lane->schedule->period_us()) {
+      const std::uint64_t first = lane->schedule->change_period(period_us, now_us);
+      const std::string doing = activities_text(possible);
+      emit_rate(*lane, first, period_us, doing,
+                possible.all() ? "what the robot is doing is not known" : "the robot is " + doing);
+    }
+  }
+}
+
+/// Nothing of this lane is planned from now on.
+void Poller::give_up(Lane& lane, const std::string& why) {
+  lane.given_up = true;
+  emit_rate(lane, lane.schedule->next(), 0, "given up", why);
+}
+
+void Poller::emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const std::string& subject,
+                       const std::string& why) {
+  const Micros before_us = lane.counters.period_us.exchange(period_us);
+  emit(lane, seq, {EventKind::rate, subject, rate_text(before_us), rate_text(period_us), why});
 }
 
 void Poller::serve(Lane& lane, Micros now_us) {
@@ -92,21 +140,33 @@ void Poller::poll(Lane& lane) {
   for (const LinkNote& note : result.notes) {
     emit(lane, seq, note);
   }
+  const std::string unwanted = std::exchange(result.give_up, {});
   if (result.ok) {
     store(lane, seq, std::move(result));
   } else {
     miss(lane, 1, result.cause, result.detail);
   }
+  if (!unwanted.empty()) {
+    give_up(lane, unwanted);
+  }
 }
 
 void Poller::store(Lane& lane, std::uint64_t seq, PollResult result) {
   if (result.word_order) {
+    options_.word_order = *result.word_order;
     sink_.word_order(options_.robot, lane.plan.source, *result.word_order);
   }
   Answer answer;
   answer.meta = {options_.robot, lane.plan.source, options_.session, seq, result.t_send_us, result.t_recv_us};
   answer.body = std::move(result.body);
   answer.header = std::move(result.header);
+  if (options_.watch != nullptr) {
+    stranger_ = options_.watch->look(answer, options_.word_order, clock_.mono_us());
+  }
+  if (stranger_) {
+    miss(lane, 1, Cause::other_robot, fmt::format("answered by {}", stranger_->text()));
+    return;
+  }
   if (!sink_.answer(std::move(answer), lane.gaps->ended_by(result.t_send_us))) {
     miss(lane, 1, Cause::queue_full, "the writer's queue is full; is the disk too slow?");
     return;
@@ -178,7 +238,8 @@ void Poller::flush_old_gaps() {
 void Poller::finish(Micros end_us) {
   for (const auto& lane : lanes_) {
     // A poll that was started just before a stop may be due after the instant the stop was stamped with.
-    const std::uint64_t planned = std::max(lane->schedule->planned_before(end_us), lane->schedule->next());
+    const std::uint64_t next = lane->schedule->next();
+    const std::uint64_t planned = lane->given_up ? next : std::max(lane->schedule->planned_before(end_us), next);
     miss(*lane, planned - lane->schedule->next(), Cause::shutdown, "the recorder was stopping");
     lane->gaps->flush();
     lane->counters.planned = planned;

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,6 +15,8 @@
 #include "recorder/clock.hpp"
 #include "recorder/gap_tracker.hpp"
 #include "recorder/link/link.hpp"
+#include "recorder/rates.hpp"
+#include "recorder/robot_watch.hpp"
 #include "recorder/schedule.hpp"
 
 namespace tacho::recorder {
@@ -31,8 +34,8 @@ class Sink {
 
 struct PolledSource {
   Source source = Source::status;
-  Micros period_us = 1'000'000;
-  Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than the period
+  Rates rates = 1'000'000;
+  Micros phase_us = 0;  ///< first poll after the start; keeps the sources of a connection apart; less than a period
   std::uint64_t first_seq = 0;  ///< number of the first poll: the stream goes on from an earlier poller
 };
 
@@ -47,12 +50,17 @@ struct PollerOptions {
   Micros retry_max_us = 500'000;
   Micros backoff_max_us = 5'000'000;  ///< of a robot that refuses further clients (61001)
   Micros gap_flush_us = 60'000'000;
+  WordOrder word_order = WordOrder::cdab;  ///< until the link finds another
+  RobotWatch* watch = nullptr;             ///< must outlive the poller; null: answers are not looked at
+  /// Another robot has answered: called once, from the poller's thread, which polls no more.
+  std::function<void(const Identity&)> stranger;
 };
 
 /// Counters of one source; written by the poller, readable from any thread.
 struct SourceCounters {
   std::atomic<std::uint64_t> planned{0};  ///< by the schedule; final when run() has returned
   std::atomic<std::uint64_t> stored{0};
+  std::atomic<Micros> period_us{0};  ///< in force; 0: the source was given up
   std::array<std::atomic<std::uint64_t>, kCauseCount> missed{};
   [[nodiscard]] std::uint64_t missed_total() const;
 };
@@ -79,6 +87,7 @@ class Poller {
     std::optional<Schedule> schedule;
     std::optional<GapTracker> gaps;
     SourceCounters counters;
+    bool given_up = false;
   };
   struct Outage {
     Cause cause = Cause::timeout;
@@ -87,7 +96,10 @@ class Poller {
     Micros backoff_us = 0;
   };
 
-  Lane& next_lane();
+  Lane* next_lane();
+  void adapt();
+  void give_up(Lane& lane, const std::string& why);
+  void emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const std::string& subject, const std::string& why);
   void serve(Lane& lane, Micros now_us);
   void poll(Lane& lane);
   void store(Lane& lane, std::uint64_t seq, PollResult result);
@@ -108,6 +120,7 @@ class Poller {
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too
   Micros asked_us_ = 0;     // when the last poll began
   Micros not_before_us_ = 0;
+  std::optional<Identity> stranger_;
 };
 
 }  // namespace tacho::recorder

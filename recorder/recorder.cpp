@@ -4,13 +4,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <ctime>
+#include <mutex>
 #include <set>
 #include <utility>
 
-#include "recorder/link/register_plan.hpp"
+#include "recorder/identity.hpp"
 #include "recorder/log_thread.hpp"
+#include "recorder/own_rows.hpp"
 #include "recorder/reload.hpp"
+#include "recorder/roster.hpp"
+#include "recorder/steward.hpp"
 #include "schema/log.hpp"
 #include "schema/time.hpp"
 
@@ -19,7 +24,8 @@ namespace tacho::recorder {
 namespace {
 
 constexpr const char* kMemoryFile = "learned.json";  // in the folder of the log
-constexpr Micros kForever = 4'000'000'000'000'000;   // 126 years
+constexpr const char* kReloaded = "the configuration was changed";
+constexpr Micros kForever = 4'000'000'000'000'000;  // 126 years
 
 std::string host_text() {
   std::array<char, 256> name{};
@@ -32,23 +38,6 @@ std::string host_text() {
                      std::abs(minutes) % 60);
 }
 
-Stream stream_of(const RobotConfig& robot, SessionId session, RobotId id, Source source) {
-  Stream stream;
-  stream.session = session;
-  stream.robot = id;
-  stream.source = source;
-  stream.period_us = robot.settings.period(source);
-  stream.word_order = robot.settings.modbus.word_order.value_or(WordOrder::cdab);
-  if (source == Source::status) {
-    stream.request = wire::status_request_body(robot.settings.status.request);
-  } else if (source != Source::io) {
-    stream.request = wire::to_text(RegisterPlan(source == Source::inputs).ranges());
-  }
-  return stream;
-}
-
-std::string period_text(Micros period) { return period == 0 ? "off" : duration_text(period); }
-
 }  // namespace
 
 struct Recorder::Impl {
@@ -59,10 +48,13 @@ struct Recorder::Impl {
   std::set<std::pair<RobotId, Source>> declared;
   Session session;
   std::vector<std::string> outlook;
-  std::map<std::string, RobotId> ids;
   std::shared_ptr<LinkMemory> memory;
+  std::mutex control;  // of whoever starts and retires robots; the next one is his
+  Roster roster;
   std::unique_ptr<LogThread> log;
   std::unique_ptr<Fleet> fleet;
+  std::atomic<bool> stopping{false};
+  std::unique_ptr<Steward> steward;
 
   Impl(const Config& c, Options o)
       : config(c), options(with_notice(std::move(o))), writer(config.log, writer_options()), ingest(writer) {}
@@ -103,17 +95,24 @@ struct Recorder::Impl {
     log = std::make_unique<LogThread>(writer, ingest, std::move(out));
   }
 
-  /// Makes robot and streams known to the log.
-  void enter(const RobotConfig& robot) {
-    const RobotId id = writer.robot(robot.name, robot.address());
+  /// Makes the row of a robot and its streams known to the log. `identity`: what is known of the row.
+  Roster::Row enter(const RobotConfig& robot, const std::string& row, const Identity& identity) {
+    const RobotId id = writer.robot(row, robot.address());
     for (std::size_t s = 0; s < kSourceCount; ++s) {
       const auto source = static_cast<Source>(s);
       if (robot.settings.period(source) > 0 && declared.emplace(id, source).second) {
-        ingest.declare(stream_of(robot, session.id, id, source));
+        ingest.declare(stream_of(robot, {session.id, id, source, 0}));
       }
     }
-    log->watch(id, robot);
-    ids[robot.name] = id;
+    log->watch(id, row, robot);
+    return {id, row, identity};
+  }
+  /// The row that is recorded for it, or that of its name.
+  void enter(const RobotConfig& robot) {
+    const Roster::Row* const row = roster.find(robot.name);
+    const Roster::Place place =
+        row == nullptr ? roster.first_place(robot.name) : Roster::Place{row->name, row->identity, false};
+    roster.assign(robot.name, enter(robot, place.name, place.identity));
   }
 
   void begin() {
@@ -127,6 +126,19 @@ struct Recorder::Impl {
     }
     writer.add(ClockPoint{0, session.id, wall_now_us(), mono_now_us(), std::nullopt});
     writer.commit();  // from here on a kill leaves a session that can be closed
+    remember_identities();
+  }
+
+  /// Who the robots of the log said they were.
+  void remember_identities() {
+    try {
+      const std::vector<std::filesystem::path> logs{config.log};
+      for (const Robot& robot : open_log(logs)->robots()) {
+        roster.know({robot.id, robot.name, identity_of(robot)});
+      }
+    } catch (const Error& error) {
+      options.notice(fmt::format("{}; robots are taken for those they were found as", error.what()));
+    }
   }
 
   void start() {
@@ -135,11 +147,70 @@ struct Recorder::Impl {
     out.session = session.id;
     const Micros start_us = mono_now_us();
     out.end_us = start_us + options.run_for_us.value_or(kForever);
+    out.stranger = [this](RobotId row, const Identity& other) {
+      steward->add([this, row, other, configured = std::string()](bool last) mutable {
+        return follow(row, other, last, configured);
+      });
+    };
     fleet = std::make_unique<Fleet>(std::move(out), *log);
+    steward = std::make_unique<Steward>();
     log->start();
+    const std::lock_guard lock(control);
     for (std::size_t i = 0; i < config.robots.size(); ++i) {
-      fleet->start(config.robots[i], ids.at(config.robots[i].name), i, start_us);
+      fleet->start(config.robots[i], *roster.find(config.robots[i].name), i, start_us);
     }
+  }
+
+  /// Another robot answers where this row was asked: its polls end, and those of the other begin. False: the other one
+  /// is recorded for another configured robot, which may just not have noticed yet. `configured`: for whom the row was
+  /// recorded; found at the first try.
+  bool follow(RobotId row, const Identity& other, bool last, std::string& configured) {
+    try {
+      const std::lock_guard lock(control);
+      configured = configured.empty() ? roster.recorded_for(row) : configured;
+      const RobotConfig* const robot = find(configured);
+      if (stopping || robot == nullptr) {
+        return true;
+      }
+      // Not at a later try: the row may be recorded for another configured robot by then.
+      if (const RobotId now = roster.find(configured)->id; roster.recorded_for(now) == configured) {
+        roster.learn(now, fleet->retire(now));
+        roster.leave(configured);
+      }
+      for (const auto& [id, identity] : fleet->identities()) {
+        roster.learn(id, identity);
+      }
+      const Roster::Place place = roster.place(configured, other);
+      if (place.taken && !last) {
+        return false;
+      }
+      replace(*robot, place.taken ? roster.new_place(configured, other) : place, other);
+    } catch (const Error& error) {
+      options.notice(error.what());  // the log has ended
+    }
+    return true;
+  }
+
+  void replace(const RobotConfig& robot, const Roster::Place& place, const Identity& other) {
+    const Roster::Row before = *roster.find(robot.name);
+    Roster::Row now;
+    log->call([&] { now = enter(robot, place.name, place.identity); });
+    now.identity.learn(other);
+    Event event = identity_event(session.id, before.id, now.name);
+    event.old_value = before.identity.text();
+    event.new_value = now.identity.text();
+    log->event(event);
+    record_rates(before.id, &robot.settings, nullptr, "another robot answers at its address");
+    record_rates(now.id, nullptr, &robot.settings, "it answers where another robot was asked");
+    roster.assign(robot.name, now);
+    fleet->start(robot, now, place_of(robot), mono_now_us());
+    if (stopping) {
+      fleet->stop();  // it came while the new pollers were being made
+    }
+  }
+
+  [[nodiscard]] std::size_t place_of(const RobotConfig& robot) const {
+    return static_cast<std::size_t>(&robot - config.robots.data());
   }
 
   void hand_over_planned(store::LogWriter& w) const {
@@ -151,64 +222,26 @@ struct Recorder::Impl {
     }
   }
 
-  void record_config(const std::string& text, const ReloadPlan& plan) {
-    Event event;
-    event.session = session.id;
-    event.kind = EventKind::config_changed;
-    event.t_us = event.t_from_us = wall_now_us();
-    event.subject = plan.text();
-    event.detail = text;
-    ingest.add(event);
-    writer.commit();
-  }
-
   /// How a robot was asked and is asked now; empty: not at all. A stream that goes on after a pause says so, because
   /// analyses must not integrate over it.
-  void record_rates(RobotId id, const Settings* before, const Settings* now) {
+  void record_rates(RobotId id, const Settings* before, const Settings* now, const std::string& why) {
     const auto counts = fleet->streams();
     const LogThread::Numbers numbers = log->numbers();
     for (std::size_t s = 0; s < kSourceCount; ++s) {
-      const Micros was = before == nullptr ? 0 : before->period_us[s];
-      const Micros is = now == nullptr ? 0 : now->period_us[s];
       const auto source = static_cast<Source>(s);
       const auto known =
           std::find_if(counts.begin(), counts.end(), [&](const auto& c) { return c.id == id && c.source == source; });
-      const std::uint64_t seq = known == counts.end() ? 0 : known->planned;
+      const StreamPoll poll{session.id, id, source, known == counts.end() ? 0 : known->planned};
+      const Micros was = before == nullptr || known == counts.end() ? 0 : known->last_period_us;
+      const Micros is = now == nullptr ? 0 : now->rates(source).fastest();
       const auto heard = numbers.streams.find({id, source});
       if (was != is) {
-        log->event(rate_event(id, source, seq, {was, is}));
+        log->event(rate_event(poll, was, is, why));
       }
-      if (is > 0 && seq > 0 && heard != numbers.streams.end() && heard->second.last_answer_us > 0) {
-        log->gap(pause(id, source, seq, heard->second.last_answer_us));
+      if (is > 0 && poll.seq > 0 && heard != numbers.streams.end() && heard->second.last_answer_us > 0) {
+        log->gap(pause_gap(poll, heard->second.last_answer_us, why));
       }
     }
-  }
-
-  [[nodiscard]] Event rate_event(RobotId id, Source source, std::uint64_t seq, std::pair<Micros, Micros> period) const {
-    Event event;
-    event.robot = id;
-    event.session = session.id;
-    event.source = source;
-    event.kind = EventKind::rate;
-    event.seq = seq;
-    event.t_us = event.t_from_us = wall_now_us();
-    event.old_value = period_text(period.first);
-    event.new_value = period_text(period.second);
-    event.detail = "the configuration was changed";
-    return event;
-  }
-
-  [[nodiscard]] Gap pause(RobotId id, Source source, std::uint64_t seq, Micros from_us) const {
-    Gap gap;
-    gap.robot = id;
-    gap.source = source;
-    gap.session = session.id;
-    gap.seq_from = seq;
-    gap.t_from_us = from_us;
-    gap.t_to_us = std::max(from_us, wall_now_us());
-    gap.cause = Cause::recorder_off;
-    gap.detail = "the configuration was changed";
-    return gap;
   }
 
   [[nodiscard]] const RobotConfig* find(const std::string& name) const {
@@ -219,11 +252,14 @@ struct Recorder::Impl {
 
   void change(const ReloadPlan& plan, const Config& next) {
     for (const std::string& name : plan.removed) {
-      fleet->retire(name);
-      record_rates(ids.at(name), &find(name)->settings, nullptr);
+      const RobotId id = roster.find(name)->id;
+      roster.learn(id, fleet->retire(id));
+      record_rates(id, &find(name)->settings, nullptr, kReloaded);
+      roster.release(name);
     }
     for (const RobotConfig& robot : plan.changed) {
-      fleet->retire(robot.name);
+      const RobotId id = roster.find(robot.name)->id;
+      roster.learn(id, fleet->retire(id));
     }
     log->call([] {});  // what their pollers left in the queue is counted now
     for (std::size_t i = 0; i < next.robots.size(); ++i) {
@@ -234,13 +270,13 @@ struct Recorder::Impl {
       if (before != nullptr && !changed) {
         continue;
       }
-      const RobotId id = ids.at(robot.name);
-      record_rates(id, before == nullptr ? nullptr : &before->settings, &robot.settings);
+      const Roster::Row& row = *roster.find(robot.name);
+      record_rates(row.id, before == nullptr ? nullptr : &before->settings, &robot.settings, kReloaded);
       if (const auto order = robot.settings.modbus.word_order;
           order && before != nullptr && before->settings.modbus.word_order != order) {
-        set_word_order(id, robot, *order);
+        set_word_order(row.id, robot, *order);
       }
-      fleet->start(robot, id, i, mono_now_us());
+      fleet->start(robot, row, i, mono_now_us());
     }
   }
 
@@ -271,7 +307,8 @@ Recorder::Recorder(const Config& config, Options options) : impl_(std::make_uniq
 }
 
 Recorder::~Recorder() {
-  impl_->fleet->stop();
+  stop();
+  impl_->steward->stop();
   impl_->fleet->join();
   impl_->log.reset();  // its thread still looks at the pollers' counters
 }
@@ -279,6 +316,7 @@ Recorder::~Recorder() {
 std::vector<std::string> Recorder::outlook() const { return impl_->outlook; }
 
 std::string Recorder::reload(const Config& next, const std::string& text) {
+  const std::lock_guard lock(impl_->control);
   const ReloadPlan plan = plan_reload(impl_->config, next);
   if (plan.nothing()) {
     return "nothing differs";
@@ -287,16 +325,39 @@ std::string Recorder::reload(const Config& next, const std::string& text) {
     for (const auto* robots : {&plan.changed, &plan.added}) {
       std::for_each(robots->begin(), robots->end(), [&](const RobotConfig& robot) { impl_->enter(robot); });
     }
-    impl_->record_config(text, plan);
+    impl_->ingest.add(config_event(impl_->session.id, plan.text(), text));
+    impl_->writer.commit();
   });
   impl_->change(plan, next);
   impl_->config = next;
   return plan.text();
 }
 
-void Recorder::stop() { impl_->fleet->stop(); }
+std::size_t Recorder::mark(const Mark& mark) {
+  const std::lock_guard lock(impl_->control);
+  Event event = mark_event(impl_->session.id, mark.text);
+  std::size_t marked = 0;
+  for (const RobotConfig& robot : impl_->config.robots) {
+    const Roster::Row& row = *impl_->roster.find(robot.name);
+    if (mark.robot.empty() || mark.robot == robot.name || mark.robot == row.name) {
+      event.robot = row.id;
+      impl_->log->event(event);
+      ++marked;
+    }
+  }
+  return marked;
+}
 
-bool Recorder::done() const { return impl_->fleet->running() == 0 || impl_->log->failed(); }
+void Recorder::stop() {
+  impl_->stopping = true;
+  impl_->fleet->stop();
+}
+
+bool Recorder::done() const {
+  // In this order: a poller that meets another robot makes the steward busy before it ends.
+  return (impl_->fleet->running() == 0 && !impl_->steward->busy() && impl_->fleet->running() == 0) ||
+         impl_->log->failed();
+}
 
 Snapshot Recorder::snapshot() const {
   LogThread::Numbers numbers = impl_->log->numbers();
@@ -334,8 +395,13 @@ std::vector<Beat> Recorder::beats() const {
 }
 
 std::vector<SourceSummary> Recorder::finish() {
-  if (impl_->fleet->running() != 0) {
-    impl_->fleet->stop();
+  const auto over = [this] { return impl_->fleet->running() == 0 && !impl_->steward->busy(); };
+  if (!over()) {
+    stop();
+  }
+  impl_->steward->stop();
+  if (!over()) {
+    stop();  // a robot that was being replaced in that moment
   }
   impl_->fleet->join();
   impl_->log->finish(true);

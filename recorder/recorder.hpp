@@ -14,6 +14,7 @@
 #include "recorder/config.hpp"
 #include "recorder/fleet.hpp"
 #include "recorder/health.hpp"
+#include "recorder/mark.hpp"
 #include "recorder/snapshot.hpp"
 
 namespace tacho::recorder {
@@ -33,7 +34,7 @@ class Recorder {
   struct Options {
     std::string config_text;                         ///< kept in the log verbatim
     std::optional<Micros> run_for_us;                ///< empty: until stop()
-    std::function<void(const std::string&)> notice;  ///< what a person should see; called from the writer's thread
+    std::function<void(const std::string&)> notice;  ///< what a person should see; called from any thread
     LinkFactory make;  ///< empty: links over sockets that remember what they learn in the log's folder
     std::size_t queue_items = 20'000;
     std::size_t queue_bytes = 64u << 20;
@@ -53,6 +54,9 @@ class Recorder {
   /// has changed. Throws UsageError for what cannot be changed while recording, Error when the log cannot be written:
   /// nothing has changed then. From one thread.
   std::string reload(const Config& next, const std::string& text);
+  /// An event `mark` of the robot it is for, by the configured name or that of its row, or of every robot that is
+  /// recorded. How many robots that were. Thread-safe.
+  std::size_t mark(const Mark& mark);
   /// Ends polling at once. Thread-safe.
   void stop();
   /// True when there is nothing to wait for: the time is over and every poller has returned, or the log broke.

@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "recorder/console.hpp"
+#include "recorder/mark.hpp"
 #include "recorder/metrics.hpp"
 #include "recorder/metrics_server.hpp"
 #include "recorder/notify.hpp"
@@ -30,7 +31,7 @@ constexpr Micros kLongestRun = Micros{3'650} * 86'400'000'000;
 sigset_t block_signals() {
   sigset_t set;
   sigemptyset(&set);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1}) {
     sigaddset(&set, signal);
   }
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
@@ -65,6 +66,7 @@ class Run {
       console_.message(line);
     }
     serve_metrics();
+    take_marks();
   }
 
   int until_end() {
@@ -114,12 +116,31 @@ class Run {
     }
   }
 
+  /// Nor must a folder that can hold no socket.
+  void take_marks() {
+    try {
+      marks_ = std::make_unique<MarkSocket>(loaded_.config.log);
+    } catch (const Error& error) {
+      console_.message(fmt::format("{}; recording goes on without", error.what()));
+    }
+  }
+
+  void mark(const Mark& mark) {
+    const std::size_t robots = recorder_.mark(mark);
+    console_.message(robots > 0 ? fmt::format("mark: {}", mark.text)
+                                : fmt::format("mark for '{}', which is not recorded: {}", mark.robot, mark.text));
+  }
+
   bool ended_by_signal() {
     const timespec wait{0, 50'000'000};
     const int signal = sigtimedwait(&signals_, nullptr, &wait);
     const bool hung_up = signal == SIGHUP && terminal_ && isatty(STDERR_FILENO) != 1;
     if (signal == SIGHUP && !hung_up) {
       reload();
+      return false;
+    }
+    if (signal == SIGUSR1) {
+      mark({"", "signal SIGUSR1"});
       return false;
     }
     if (signal > 0) {
@@ -130,6 +151,9 @@ class Run {
 
   void tick() {
     const Micros now_us = mono_now_us();
+    while (const std::optional<Mark> told = marks_ ? marks_->next() : std::nullopt) {
+      mark(*told);
+    }
     const std::string sick = stuck(recorder_.beats());
     if (sick.empty()) {
       notifier_.alive(now_us);
@@ -168,6 +192,7 @@ class Run {
   Console console_;
   Notifier notifier_;
   Recorder recorder_;
+  std::unique_ptr<MarkSocket> marks_;
   std::unique_ptr<MetricsServer> metrics_;  // last: its threads ask the recorder
   std::string sick_;
   Micros next_status_us_ = 0;

@@ -5,8 +5,6 @@
 
 namespace tacho::recorder {
 
-std::string_view protocol_name(Protocol protocol) { return protocol == Protocol::modbus ? "modbus" : "status port"; }
-
 void Histogram::add(Micros us) {
   ++buckets[static_cast<std::size_t>(std::lower_bound(kBounds.begin(), kBounds.end(), us) - kBounds.begin())];
   ++count;

@@ -14,9 +14,6 @@
 
 namespace tacho::recorder {
 
-enum class Protocol : std::uint8_t { status_port, modbus };
-std::string_view protocol_name(Protocol protocol);
-
 /// How often something took how long.
 struct Histogram {
   /// Upper bounds of the buckets in microseconds, inclusive; what is longer is in the last bucket.

@@ -451,14 +451,13 @@ bool ColumnDecoder::decode(BlockDecoder& block, const Stream& stream, Batch& out
   impl_->damage = &damage;
   impl_->scratch.clear();
   damage.clear();
-  switch (block.head().source) {
-    case Source::status:
-    case Source::io:
+  switch (source_info(block.head().source).encoding) {
+    case Encoding::json:
       impl_->decode_json();
       return true;
-    case Source::registers:
+    case Encoding::registers:
       return impl_->decode_registers(stream.word_order);
-    case Source::inputs:
+    case Encoding::inputs:
       return impl_->decode_inputs();
   }
   return false;

@@ -59,18 +59,7 @@ const std::vector<PointField>& point_fields() {
 }
 
 /// Which source is believed about digital points: smaller is better, registers tell none.
-int point_rank(Source source) {
-  switch (source) {
-    case Source::io:
-      return 0;
-    case Source::inputs:
-      return 1;
-    case Source::status:
-    case Source::registers:
-      break;
-  }
-  return 2;
-}
+int point_rank(Source source) { return source == Source::io ? 0 : source == Source::inputs ? 1 : 2; }
 
 std::array<FieldSet, kSourceCount> make_field_sets() {
   FieldSet watched;
@@ -89,6 +78,7 @@ std::array<FieldSet, kSourceCount> make_field_sets() {
     if (watched.test(f)) {
       if (!row.json.key.empty()) {
         set(Source::status, f);
+        set(Source::pose, f);
       }
       if (row.reg.present()) {
         set(row.reg.discrete ? Source::inputs : Source::registers, f);
@@ -96,6 +86,7 @@ std::array<FieldSet, kSourceCount> make_field_sets() {
     }
     if (row.kind == Kind::alarms || row.kind == Kind::points || f == kUptime) {
       set(Source::status, f);
+      set(Source::pose, f);
     }
     if (row.kind == Kind::points) {
       set(Source::io, f);
@@ -334,6 +325,7 @@ bool derived_from_answers(EventKind kind) {
     case EventKind::mark:
     case EventKind::part_removed:
     case EventKind::config_changed:
+    case EventKind::identity_changed:
       return false;
     default:
       return true;

@@ -85,15 +85,14 @@ AnswerDecoder::~AnswerDecoder() = default;
 void AnswerDecoder::decode(const Answer& answer, WordOrder order, const FieldSet& wanted, bool collect_unknown,
                            Gates& gates, Sample& out) {
   out.meta = answer.meta;
-  switch (answer.meta.source) {
-    case Source::status:
-    case Source::io:
+  switch (source_info(answer.meta.source).encoding) {
+    case Encoding::json:
       impl_->json.decode(answer.body, wanted, collect_unknown, out);
       return;
-    case Source::registers:
+    case Encoding::registers:
       wire::decode_registers(answer.body, order, gates, wanted, out);
       return;
-    case Source::inputs:
+    case Encoding::inputs:
       wire::decode_inputs(answer.body, wanted, gates, out);
       return;
   }

@@ -67,9 +67,10 @@ enum class Cause : std::uint8_t {
   recorder_off,     ///< between two sessions, no polls were planned
   recorder_killed,  ///< lost with the process: not yet committed when it died
   shutdown,
-  damaged,  ///< was in a log of which this one holds what could be read
+  damaged,      ///< was in a log of which this one holds what could be read
+  other_robot,  ///< answered by a robot with another identity
 };
-inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::damaged) + 1;
+inline constexpr std::size_t kCauseCount = static_cast<std::size_t>(Cause::other_robot) + 1;
 std::string_view cause_name(Cause cause);
 std::string_view cause_meaning(Cause cause);
 
@@ -119,11 +120,15 @@ enum class EventKind : std::uint8_t {
   undecodable,
   clock_step,
   mark,
-  part_removed,    ///< retention has removed a part of the log; of no robot
-  config_changed,  ///< the recorder goes on with another configuration, its text is in detail; of no robot
+  part_removed,      ///< retention has removed a part of the log; of no robot
+  config_changed,    ///< the recorder goes on with another configuration, its text is in detail; of no robot
+  identity_changed,  ///< another robot answers where this one was found; its row is in detail
 };
-inline constexpr std::size_t kEventKindCount = 30;
+inline constexpr std::size_t kEventKindCount = 31;
 std::string_view event_kind_name(EventKind kind);
+/// Values of an event `rate`, exactly: "off" (0), "200 ms", "1.0 s". The other way round; empty when it is none.
+std::string rate_text(Micros period_us);
+std::optional<Micros> parse_rate(std::string_view text);
 
 /// An edge seen between two polls: it happened in (t_from_us, t_us]. For things without a previous poll both are equal.
 struct Event {

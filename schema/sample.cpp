@@ -7,18 +7,48 @@
 namespace tacho {
 
 namespace {
-constexpr std::array<std::string_view, kSourceCount> kSourceNames{"status", "io", "registers", "inputs"};
+constexpr std::array<SourceInfo, kSourceCount> kSources{{
+    {"status", Encoding::json, Protocol::status_port},
+    {"io", Encoding::json, Protocol::status_port},
+    {"registers", Encoding::registers, Protocol::modbus},
+    {"inputs", Encoding::inputs, Protocol::modbus},
+    {"pose", Encoding::json, Protocol::status_port},
+}};
+constexpr std::array<std::string_view, kProtocolCount> kProtocolNames{"status port", "modbus"};
 constexpr std::array<std::string_view, 6> kStateNames{"absent",       "null",       "not_meaningful",
                                                       "not_supplied", "wrong_type", "present"};
 constexpr std::array<std::string_view, 4> kLevelNames{"fatal", "error", "warning", "notice"};
 constexpr std::size_t kFirstSlots = 64;
 }  // namespace
 
-std::string_view source_name(Source source) { return kSourceNames[static_cast<std::size_t>(source)]; }
+const SourceInfo& source_info(Source source) { return kSources[static_cast<std::size_t>(source)]; }
+
+std::string_view source_name(Source source) { return source_info(source).name; }
+
+std::vector<std::string> source_names() {
+  std::vector<std::string> names;
+  for (const SourceInfo& source : kSources) {
+    names.emplace_back(source.name);
+  }
+  return names;
+}
+
+std::string_view protocol_name(Protocol protocol) { return kProtocolNames[static_cast<std::size_t>(protocol)]; }
+
+const std::array<Source, kSourceCount>& all_sources() {
+  static const auto all = [] {
+    std::array<Source, kSourceCount> sources{};
+    for (std::size_t i = 0; i < kSourceCount; ++i) {
+      sources[i] = static_cast<Source>(i);
+    }
+    return sources;
+  }();
+  return all;
+}
 
 bool parse_source(std::string_view name, Source& out) {
   for (std::size_t i = 0; i < kSourceCount; ++i) {
-    if (kSourceNames[i] == name) {
+    if (kSources[i].name == name) {
       out = static_cast<Source>(i);
       return true;
     }

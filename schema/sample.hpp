@@ -15,10 +15,30 @@ namespace tacho {
 /// Microseconds since 1970-01-01 UTC by the host's wall clock, or a difference of two.
 using Micros = std::int64_t;
 
-enum class Source : std::uint8_t { status, io, registers, inputs };
-inline constexpr std::size_t kSourceCount = 4;
+/// Numbers and names are stored in the log: append only. What is known of each is a row of kSources (sample.cpp).
+enum class Source : std::uint8_t { status, io, registers, inputs, pose };
+inline constexpr std::size_t kSourceCount = 5;
+/// What the body of an answer is.
+enum class Encoding : std::uint8_t { json, registers, inputs };
+/// By which connection of a robot its answers come; names are for people.
+enum class Protocol : std::uint8_t { status_port, modbus };
+inline constexpr std::size_t kProtocolCount = 2;
+struct SourceInfo {
+  std::string_view name;
+  Encoding encoding;
+  Protocol protocol;
+};
+const SourceInfo& source_info(Source source);
 std::string_view source_name(Source source);
-/// False when the name is not one of the four.
+/// Of all sources, in their order.
+std::vector<std::string> source_names();
+std::string_view protocol_name(Protocol protocol);
+/// All of them, in their order.
+const std::array<Source, kSourceCount>& all_sources();
+/// What source `pose` asks 1100 for: where the robot is and how it moves. Nothing of it is an edge that makes an event,
+/// so that the fast poll does not tell everything twice.
+inline constexpr std::array<std::string_view, 8> kPoseKeys{"x", "y", "angle", "confidence", "vx", "vy", "w", "odo"};
+/// False when there is no source of this name.
 bool parse_source(std::string_view name, Source& out);
 
 using RobotId = std::uint32_t;    ///< row of the `robot` table, from 1

@@ -111,7 +111,7 @@ class Alarms final : public Analysis {
       : settings_(*context.settings),
         zone_(context.zone),
         source_(alarm_source(context)),
-        clock_(planned_period_us(source_ ? context.find(*source_) : nullptr),
+        clock_({planned_period_us(source_ ? context.find(*source_) : nullptr), source_.value_or(Source::status)},
                settings_.number("alarms.gap_periods", context.robot.name)),
         signals_(context, source_.value_or(Source::status), context_needs()),
         still_mps_(settings_.number("alarms.still_mps", context.robot.name)),
@@ -164,6 +164,7 @@ void Alarms::fold(const Slice& slice) {
     return;
   }
   signals_.open(slice);
+  clock_.open(slice);
   auto point = slice.clock.begin();
   for (std::size_t r = 0; r < signals_.rows(); ++r) {
     for (; point != slice.clock.end() && point->wall_us <= signals_.batch().t_recv_us[r]; ++point) {
@@ -187,7 +188,7 @@ void Alarms::row(const Slice& slice, std::size_t row) {
   poll_.t_recv_us = batch.t_recv_us[row];
   source_ == Source::status ? read_arrays(batch, row) : read_alarm_registers(batch, row, poll_);
 
-  const bool near = clock_.step(slice.session, batch.t_mid_us(row)) == PollClock::Step::near;
+  const bool near = clock_.step(slice.session, batch.seq[row], batch.t_mid_us(row)) == PollClock::Step::near;
   const std::vector<std::size_t>& raised = own().tracker.poll(poll_, clock_.gap_limit_us());
   describe_raised(raised);
   const PollState now = state();

@@ -88,12 +88,17 @@ RowReader::RowReader(const RobotContext& context, const Config& config) : config
     }
   }
   for (const Coverage& coverage : context.coverage) {
-    period_s_[static_cast<std::size_t>(coverage.source)] = planned_period_s(coverage);
+    planned_[static_cast<std::size_t>(coverage.source)] =
+        PlannedPeriod(static_cast<Micros>(std::llround(1e6 * planned_period_s(coverage))), coverage.source);
   }
 }
 
 void RowReader::open(const Slice& slice) {
   cursors_.clear();
+  session_ = slice.session;
+  for (PlannedPeriod& planned : planned_) {
+    planned.open(slice);
+  }
   for (const Batch& batch : slice.batches) {
     Cursor cursor{&batch, 0, {}};
     for (std::size_t i = 0; i < kItems; ++i) {
@@ -125,10 +130,15 @@ bool RowReader::take(Cursor& cursor) {
   for (const auto& [item, column] : cursor.columns) {
     update(item, *cursor.batch, *column, row);
   }
+  PlannedPeriod& planned = planned_[static_cast<std::size_t>(cursor.batch->source)];
+  const double before_s = planned.seconds();
+  const bool changed = planned.advance(session_, cursor.batch->seq[row]);
   if (cursor.batch->source != clock_) {
     return false;
   }
+  rate_change_s_ = changed ? std::max(before_s, planned.seconds()) : 0.0;
   build(cursor.batch->t_mid_us(row));
+  interval_count_ = changed ? 0 : interval_count_;
   return true;
 }
 
@@ -158,7 +168,7 @@ void RowReader::update(Item item, const Batch& batch, const Column& column, std:
 double RowReader::period_s() const {
   const std::size_t n = std::min(interval_count_, kRing);
   if (n < 8) {
-    return period_s_[static_cast<std::size_t>(*clock_)];
+    return planned_[static_cast<std::size_t>(*clock_)].seconds();
   }
   std::array<double, kRing> sorted = intervals_;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
@@ -174,7 +184,8 @@ double RowReader::value(Item item) const {
   const Source source = *stats_[at(item)].source;
   const double age_s = static_cast<double>(row_.t_us - held.t_us) * 1e-6;
   const bool fresh =
-      source == *clock_ || std::abs(age_s) <= config_.gap_periods * period_s_[static_cast<std::size_t>(source)] + 1.0;
+      source == *clock_ ||
+      std::abs(age_s) <= config_.gap_periods * planned_[static_cast<std::size_t>(source)].seconds() + 1.0;
   return fresh ? held.value : kNone;
 }
 
@@ -191,7 +202,7 @@ void RowReader::build(Micros t_us) {
   last_us_ = t_us;
   ++rows_;
   row_.t_us = t_us;
-  row_.gap_limit_s = config_.gap_periods * period_s();
+  row_.gap_limit_s = config_.gap_periods * std::max(period_s(), rate_change_s_);
   row_.soc = std::min(value(Item::level), 1.0);
   row_.voltage_v = value(Item::voltage);
   row_.current_a = value(Item::current);

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "analyzer/analyses/battery_settings.hpp"
+#include "analyzer/analyses/poll_clock.hpp"
 #include "analyzer/analysis.hpp"
 
 namespace tacho::battery {
@@ -124,7 +125,9 @@ class RowReader {
   std::array<ItemStats, kItems> stats_;
   std::array<Held, kItems> held_;
   std::string station_;
-  std::array<double, kSourceCount> period_s_{};
+  std::array<PlannedPeriod, kSourceCount> planned_;
+  SessionId session_ = 0;
+  double rate_change_s_ = 0;  // the longer period where the rate of the clock source changes before its row, else 0
   std::optional<Source> clock_;
   std::vector<Cursor> cursors_;
   Row row_;

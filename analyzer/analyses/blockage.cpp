@@ -184,9 +184,11 @@ Blockage::Blockage(const RobotContext& context)
     : settings_(*context.settings),
       flag_source_(context.choose({field("blocked"), {Source::status, Source::inputs}})),
       pose_source_(context.choose({field("x"), {Source::status, Source::registers}})),
-      flag_clock_(planned_period_us(flag_source_ ? context.find(*flag_source_) : nullptr),
+      flag_clock_({planned_period_us(flag_source_ ? context.find(*flag_source_) : nullptr),
+                   flag_source_.value_or(Source::status)},
                   settings_.number("blockage.gap_periods", context.robot.name)),
-      pose_clock_(planned_period_us(pose_source_ ? context.find(*pose_source_) : nullptr),
+      pose_clock_({planned_period_us(pose_source_ ? context.find(*pose_source_) : nullptr),
+                   pose_source_.value_or(Source::status)},
                   settings_.number("blockage.gap_periods", context.robot.name)),
       flags_(context, flag_source_.value_or(Source::status), flag_needs()),
       poses_(context, pose_source_.value_or(Source::status), pose_needs()),
@@ -208,6 +210,7 @@ void Blockage::fold(const Slice& slice) {
     return;
   }
   flags_.open(slice);
+  flag_clock_.open(slice);
   for (std::size_t r = 0; r < flags_.rows(); ++r) {
     flags_.seek(r);
     flag_row(slice.session, r);
@@ -217,6 +220,7 @@ void Blockage::fold(const Slice& slice) {
     return;
   }
   poses_.open(slice);
+  pose_clock_.open(slice);
   for (std::size_t r = 0; r < poses_.rows(); ++r) {
     poses_.seek(r);
     pose_row(slice.session, r);
@@ -269,7 +273,7 @@ void Blockage::flag_row(SessionId session, std::size_t row) {
   if (!blocked) {
     return;
   }
-  const bool gap = flag_clock_.step(session, batch.t_mid_us(row)) == PollClock::Step::gap;
+  const bool gap = flag_clock_.step(session, batch.seq[row], batch.t_mid_us(row)) == PollClock::Step::gap;
   ++own().polls;
   const EpisodeClass cls = class_now();
   own().task_known = own().task_known || flags_.integer(f_task_status).has_value();
@@ -304,7 +308,7 @@ void Blockage::pose_row(SessionId session, std::size_t row) {
   const Batch& batch = poses_.batch();
   PoseRow pose;
   pose.t_us = batch.t_mid_us(row);
-  pose.near = pose_clock_.step(session, pose.t_us) == PollClock::Step::near;
+  pose.near = pose_clock_.step(session, batch.seq[row], pose.t_us) == PollClock::Step::near;
   const std::optional<double> x = poses_.real(p_x);
   const std::optional<double> y = poses_.real(p_y);
   if (x && y) {

@@ -81,6 +81,8 @@ struct SourceQuality {
   Micros last_send_us = 0;
   Micros worst_rtt_us = 0;
   Micros nearest_us = std::numeric_limits<Micros>::max();  ///< distance of the nearest answer from the moment asked for
+  Micros period_us = 0;  ///< at that moment, as events tell; 0: no change of the rate in sight
+  Micros shortest_us = std::numeric_limits<Micros>::max();  ///< pause between two answers
 };
 
 /// Everything of one robot.
@@ -149,9 +151,13 @@ class RobotIncident {
     for (const Batch& batch : slice.batches) {
       signals_.fold(batch);
       SourceQuality& q = quality_[batch.source];
+      q.shortest_us = std::min(q.shortest_us, shortest_pause(batch));
       for (std::size_t row = 0; row < batch.rows(); ++row) {
         note_row(q, batch, row);
       }
+    }
+    for (const Event& event : slice.events) {
+      note_rate(event);
     }
     for (const ClockPoint& point : slice.clock) {
       if (point.robot_us &&
@@ -159,6 +165,36 @@ class RobotIncident {
         clock_ = point;
       }
     }
+  }
+
+  static Micros shortest_pause(const Batch& batch) {
+    Micros shortest = std::numeric_limits<Micros>::max();
+    for (std::size_t row = 1; row < batch.rows(); ++row) {
+      shortest = std::min(shortest, std::abs(batch.t_send_us[row] - batch.t_send_us[row - 1]));
+    }
+    return shortest;
+  }
+
+  /// The rate at the instant that was asked for: of the last change before it, else what the first one after it ended.
+  void note_rate(const Event& event) {
+    if (event.kind != EventKind::rate) {
+      return;
+    }
+    SourceQuality& q = quality_[event.source];
+    const Micros now = parse_rate(event.new_value).value_or(0);
+    const Micros before = parse_rate(event.old_value).value_or(0);
+    if (event.t_us <= query_.at_us) {
+      q.period_us = now;
+    } else if (q.period_us == 0) {
+      q.period_us = before;
+    }
+  }
+
+  /// Without a change of the rate in sight it may have been changed earlier: then the answers say what it is.
+  [[nodiscard]] static Micros period_at(const Coverage& c, const SourceQuality& q) {
+    const bool measured = q.shortest_us != std::numeric_limits<Micros>::max();
+    return std::max<Micros>(
+        {1, q.period_us > 0 ? q.period_us : c.period_us, measured && q.period_us == 0 ? q.shortest_us : 0});
   }
 
   void note_row(SourceQuality& q, const Batch& batch, std::size_t row) const {
@@ -311,7 +347,7 @@ Finding RobotIncident::coverage_finding() const {
     stored += q->second.stored;
     if (q->second.nearest_us < nearest) {
       nearest = q->second.nearest_us;
-      period = std::max<Micros>(c.period_us, 1);
+      period = period_at(c, q->second);
     }
   }
   if (stored == 0) {

@@ -23,11 +23,12 @@ class SourceFold {
   SourceFold(const RobotContext& context, const Config& config, Source source)
       : source_(source),
         config_(config),
-        preparation_(config, planned_period_s(context, source)),
+        preparation_(config, {planned_us(context, source), source}),
         counter_(config, source == Source::registers),
         still_(config),
         track_(config) {}
 
+  void open(const Slice& slice) { preparation_.open(slice); }
   /// Whether the row continues the one before; empty for a duplicate.
   std::optional<bool> add(const RawRow& raw) {
     Prepared prepared;
@@ -65,9 +66,9 @@ class SourceFold {
   StandstillFold still_;
   Track track_;
 
-  static double planned_period_s(const RobotContext& context, Source source) {
+  static Micros planned_us(const RobotContext& context, Source source) {
     const Coverage* coverage = context.find(source);
-    return coverage == nullptr ? 0.0 : static_cast<double>(coverage->period_us) * 1e-6;
+    return coverage == nullptr ? 0 : coverage->period_us;
   }
 };
 
@@ -149,6 +150,11 @@ class OdometryAnalysis final : public Analysis {
       }
     };
     const bool both = status_ && registers_;
+    for (std::optional<SourceFold>* fold : {&status_, &registers_}) {
+      if (*fold) {
+        (*fold)->open(slice);
+      }
+    }
     if (status_) {
       each(Source::status, [&](const CrossRow& row) {
         const std::optional<bool> joined = status_->add(row.base);

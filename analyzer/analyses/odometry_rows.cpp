@@ -117,6 +117,7 @@ CrossRow RowReader::at(std::size_t row) const {
   r.t_us = batch_->t_mid_us(row);
   r.half_s = 0.5e-6 * static_cast<double>(batch_->t_recv_us[row] - batch_->t_send_us[row]);
   r.session = session_;
+  r.seq = batch_->seq[row];
   r.uptime_s = real(field("uptime"), row);
   r.x = real(field("x"), row);
   r.y = real(field("y"), row);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace tacho::odometry {
 namespace {
@@ -85,7 +86,8 @@ std::string too_slow(double period_s, const Config& config, std::string_view wha
 }
 
 double Preparation::gap_s() const {
-  double period = planned_s_;
+  // The rate may have been changed before the first row: see PollClock.
+  double period = std::max(planned_.seconds(), first_pause_s_);
   const std::size_t known = std::min(pause_count_, pauses_.size());
   if (known >= 5) {
     std::array<float, 31> sorted = pauses_;
@@ -93,7 +95,7 @@ double Preparation::gap_s() const {
     std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(known));
     period = static_cast<double>(*middle);
   }
-  return std::max(config_.gap_periods * period, config_.gap_min_s);
+  return std::max(config_.gap_periods * std::max(period, rate_change_s_), config_.gap_min_s);
 }
 
 bool Preparation::cut_at(const RawRow& raw, const Row& row, double dt_s, Cut& cut) const {
@@ -123,11 +125,20 @@ bool Preparation::step(const RawRow& raw, Prepared& out) {
   }
   out = Prepared{};
   out.row = make_row(raw);
+  const double before_s = planned_.seconds();
+  const bool changed = planned_.advance(raw.session, raw.seq) && any_ && raw.session == last_.session;
+  out.slowed = planned_.standing();
+  rate_change_s_ = changed ? std::max(before_s, planned_.seconds()) : 0.0;
+  if (changed || !any_ || raw.session != last_.session) {
+    first_pause_s_ = 0.0;
+  } else if (pause_count_ == 0 && raw.seq == last_.seq + 1) {
+    first_pause_s_ = static_cast<double>(raw.t_us - last_.t_us) * 1e-6;
+  }
   if (any_) {
     out.dt_s = static_cast<double>(raw.t_us - last_.t_us) * 1e-6;
     out.joined = !cut_at(raw, out.row, out.dt_s, out.cut);
     segment_ += out.joined ? 0U : 1U;
-    if (raw.session != last_.session) {
+    if (raw.session != last_.session || changed) {
       pause_count_ = 0;
     } else if (out.dt_s > 0.0) {
       pauses_[pause_count_++ % pauses_.size()] = static_cast<float>(out.dt_s);
@@ -186,7 +197,8 @@ void Track::count(const Prepared& prepared) {
   }
   if (prepared.dt_s > 0.0) {
     const double longest = static_cast<double>(pause_bins_.size() - 1);
-    ++pause_bins_[static_cast<std::size_t>(std::min(std::round(prepared.dt_s * 1e3), longest))];
+    ++(prepared.slowed ? slowed_bins_
+                       : pause_bins_)[static_cast<std::size_t>(std::min(std::round(prepared.dt_s * 1e3), longest))];
   }
 }
 
@@ -217,13 +229,13 @@ void Track::close() {
 }
 
 double Track::period_s() const {
-  std::uint64_t total = 0;
-  for (const std::uint32_t n : pause_bins_) {
-    total += n;
-  }
+  const auto sum = [](const Bins& bins) { return std::accumulate(bins.begin(), bins.end(), std::uint64_t{0}); };
+  // How often a standing robot is asked says nothing of how well its motion was seen.
+  const Bins& bins = sum(pause_bins_) > 0 ? pause_bins_ : slowed_bins_;
+  const std::uint64_t total = sum(bins);
   std::uint64_t seen = 0;
-  for (std::size_t bin = 0; bin < pause_bins_.size(); ++bin) {
-    seen += pause_bins_[bin];
+  for (std::size_t bin = 0; bin < bins.size(); ++bin) {
+    seen += bins[bin];
     if (total > 0 && 2 * seen >= total) {
       return static_cast<double>(bin) * 1e-3;
     }

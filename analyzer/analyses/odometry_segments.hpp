@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "analyzer/analyses/odometry_settings.hpp"
+#include "analyzer/analyses/poll_clock.hpp"
 #include "analyzer/math/se2.hpp"
 #include "schema/row_source.hpp"
 
@@ -31,6 +32,7 @@ struct RawRow {
   Micros t_us = 0;    ///< middle of request and answer
   double half_s = 0;  ///< half the round trip
   SessionId session = 0;
+  std::uint64_t seq = 0;
   double uptime_s = kNone;
   double x = kNone, y = kNone, angle = kNone;
   double vx = kNone, vy = kNone, w = kNone;
@@ -100,6 +102,7 @@ struct Prepared {
   double dt_s = 0;       ///< to the row before; 0 for the first of all
   bool joined = false;   ///< same segment as the row before
   Cut cut = Cut::start;  ///< meaningful when not joined
+  bool slowed = false;   ///< asked at a rate for a robot that stands
 };
 
 static_assert(sizeof(Row) <= 64);
@@ -107,14 +110,18 @@ static_assert(sizeof(Row) <= 64);
 /// Applies the rules row by row.
 class Preparation {
  public:
-  Preparation(const Config& config, double planned_period_s) : config_(config), planned_s_(planned_period_s) {}
+  Preparation(const Config& config, PlannedPeriod planned) : config_(config), planned_(std::move(planned)) {}
+  /// Before the rows of the slice.
+  void open(const Slice& slice) { planned_.open(slice); }
   /// False for a duplicate.
   bool step(const RawRow& raw, Prepared& out);
   [[nodiscard]] std::uint64_t duplicates() const { return duplicates_; }
 
  private:
   Config config_;
-  double planned_s_;
+  PlannedPeriod planned_;
+  double first_pause_s_ = 0;  // of the session at this rate, when no poll was missed in it
+  double rate_change_s_ = 0;  // the longer period where the rate changes before this row, else 0
   RawRow last_;
   Row last_row_;
   bool any_ = false;
@@ -162,7 +169,9 @@ class Track {
   Row pending_;
   bool has_pending_ = false;
   std::uint64_t total_rows_ = 0;
-  std::vector<std::uint32_t> pause_bins_ = std::vector<std::uint32_t>(60'001);  // by milliseconds, the last one open
+  using Bins = std::vector<std::uint32_t>;  // by milliseconds, the last one open
+  Bins pause_bins_ = Bins(60'001);
+  Bins slowed_bins_ = Bins(60'001);  // of pauses at a rate for a robot that stands
   std::array<double, 11> tag_seconds_{};
   std::array<std::uint64_t, 11> tag_rows_{};
 

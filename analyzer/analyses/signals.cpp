@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "analyzer/analyses/poll_clock.hpp"
-
 namespace tacho {
 namespace {
 
@@ -22,7 +20,7 @@ Signals::Signals(const RobotContext& context, Source primary, const std::vector<
     signal.field = need.field;
     signal.source = context.choose(need);
     if (signal.source) {
-      signal.max_age_us = std::max(kMinAge, 3 * planned_period_us(context.find(*signal.source)));
+      signal.planned = PlannedPeriod(planned_period_us(context.find(*signal.source)), *signal.source);
     }
     signals_.push_back(std::move(signal));
   }
@@ -30,17 +28,20 @@ Signals::Signals(const RobotContext& context, Source primary, const std::vector<
 
 void Signals::open(const Slice& slice) {
   primary_batch_ = slice.find(primary_);
+  session_ = slice.session;
   row_ = 0;
   for (Signal& signal : signals_) {
     signal.batch = signal.source ? slice.find(*signal.source) : nullptr;
     signal.column = signal.batch != nullptr ? signal.batch->find(signal.field) : nullptr;
     signal.next = 0;
+    signal.planned.open(slice);
   }
 }
 
 void Signals::take_over(Signal& signal, std::size_t row) {
   const Column& column = *signal.column;
   signal.t_us = signal.batch->t_recv_us[row];
+  signal.next_seq = signal.batch->seq[row] + 1;
   signal.known = column.has(row);
   if (!signal.known) {
     return;
@@ -58,16 +59,18 @@ void Signals::seek(std::size_t row) {
   row_ = row;
   const Micros now = primary_batch_->t_recv_us[row];
   for (Signal& signal : signals_) {
-    if (own(signal) || signal.column == nullptr) {
+    if (own(signal) || !signal.source) {
       continue;
     }
     const std::size_t before = signal.next;
-    while (signal.next < signal.batch->rows() && signal.batch->t_recv_us[signal.next] <= now) {
+    while (signal.column != nullptr && signal.next < signal.batch->rows() &&
+           signal.batch->t_recv_us[signal.next] <= now) {
       ++signal.next;
     }
     if (signal.next > before) {
       take_over(signal, signal.next - 1);
     }
+    signal.planned.advance(session_, signal.next_seq, now);  // how far away the next row may be
   }
 }
 
@@ -87,7 +90,7 @@ bool Signals::has(const Signal& signal) const {
     return signal.column != nullptr && signal.column->has(row_);
   }
   const Micros age = primary_batch_->t_recv_us[row_] - signal.t_us;
-  return signal.known && age >= 0 && age <= signal.max_age_us;
+  return signal.known && age >= 0 && age <= std::max(kMinAge, 3 * signal.planned.us());
 }
 
 std::optional<double> Signals::real(std::size_t i) const {

@@ -6,13 +6,14 @@
 #include <string_view>
 #include <vector>
 
+#include "analyzer/analyses/poll_clock.hpp"
 #include "analyzer/analysis.hpp"
 
 namespace tacho {
 
 /// Walks the rows of `primary`. A field that the robot gives in another source has the value of that source's last row
-/// before, as long as that is younger than three of its periods (at least 2 s). Only State::present counts as a value.
-/// Views stay valid until the next seek, open or close.
+/// before, as long as that is younger than three of its periods as planned then (at least 2 s). Only State::present
+/// counts as a value. Views stay valid until the next seek, open or close.
 class Signals {
  public:
   /// Signal i is needs[i]; its source is chosen as RobotContext::choose does.
@@ -37,7 +38,8 @@ class Signals {
   struct Signal {
     FieldIndex field = kNoField;
     std::optional<Source> source;
-    Micros max_age_us = 0;
+    PlannedPeriod planned;
+    std::uint64_t next_seq = 0;      // after the last row taken over
     const Batch* batch = nullptr;    // of this slice
     const Column* column = nullptr;  // of this slice
     std::size_t next = 0;            // first row of `batch` that was not taken over yet
@@ -50,6 +52,7 @@ class Signals {
   Source primary_;
   std::vector<Signal> signals_;
   const Batch* primary_batch_ = nullptr;
+  SessionId session_ = 0;
   std::size_t row_ = 0;
 
   void take_over(Signal& signal, std::size_t row);

@@ -35,8 +35,7 @@ std::vector<Coverage> coverage_of(const Job& job) {
 Source choose_source(const Job& job, const std::string& name) {
   Source source = Source::status;
   if (!name.empty() && !parse_source(name, source)) {
-    throw UsageError("--source " + name + ": no such source" +
-                     did_you_mean(name, std::vector<std::string>{"status", "io", "registers", "inputs"}));
+    throw UsageError("--source " + name + ": no such source" + did_you_mean(name, source_names()));
   }
   const std::vector<Coverage> all = coverage_of(job);
   const auto has = [&](Source s) {
@@ -349,7 +348,7 @@ void export_database(Job& job, const ExportOptions& options) {
     what.fields = choose_fields(job, Source::status, options.fields, order);
   }
   if (options.source.empty()) {
-    what.sources = {Source::status, Source::io, Source::registers, Source::inputs};
+    what.sources.assign(all_sources().begin(), all_sources().end());
   } else {
     what.sources = {choose_source(job, options.source)};
   }
@@ -364,7 +363,7 @@ void export_raw(Job& job, const ExportOptions& options) {
                                         : "--raw: answers do not say whose they are; choose one robot with --robot");
   }
   const Source source = choose_source(job, options.source);
-  const bool json = source == Source::status || source == Source::io;
+  const bool json = source_info(source).encoding == Encoding::json;
   job.log->read_raw(job.robots.front().id, source, job.window, [&](const Answer& answer) {
     if (job.options.output.empty()) {
       write_stdout(answer.body + "\n");

@@ -232,6 +232,8 @@ bool expected(const Field& field, Source source) {
       return field.reg.present() && !field.reg.discrete;
     case Source::inputs:
       return field.reg.discrete;
+    case Source::pose:
+      return std::find(kPoseKeys.begin(), kPoseKeys.end(), field.json.key) != kPoseKeys.end();
   }
   return false;
 }

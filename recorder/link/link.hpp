@@ -34,6 +34,7 @@ struct PollResult {
   Micros t_recv_us = 0;
   std::vector<LinkNote> notes;
   std::optional<WordOrder> word_order;  ///< set when the link has just decided on one
+  std::string give_up;                  ///< non-empty: why this source must not be asked again
 };
 
 class Link {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "schema/time.hpp"
+#include "schema/wire/requests.hpp"
 
 namespace tacho::recorder {
 
@@ -21,6 +22,11 @@ std::string hex(const std::array<char, wire::kHeaderBytes>& bytes) {
     text += fmt::format("{}{:02X}", text.empty() ? "" : " ", static_cast<unsigned char>(byte));
   }
   return text;
+}
+
+std::uint16_t request_of(Source source) {
+  assert(source_info(source).protocol == Protocol::status_port);
+  return source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
 }
 
 }  // namespace
@@ -71,17 +77,14 @@ Failure TcpLink::receive(wire::Frame& frame, Micros deadline_us) {
 }
 
 PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
-  assert(source == Source::status || source == Source::io);
   PollResult result;
   const Micros deadline_us = mono_now_us() + std::chrono::microseconds(timeout).count();
-  const std::uint16_t request = source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
   wire::Frame frame;
 
   Failure failure = ready(deadline_us);
   if (!failure.failed) {
     ++sequence_;
-    const std::string bytes = wire::encode_frame(options_.version, sequence_, request,
-                                                 source == Source::io ? std::string_view() : options_.status_body);
+    const std::string bytes = wire::encode_frame(options_.version, sequence_, request_of(source), body_of(source));
     result.t_send_us = wall_now_us();
     failure = socket_.send(bytes, deadline_us);
   }
@@ -110,12 +113,23 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
       options_.hint->heard(frame.body);
     }
     result.body = std::move(frame.body);
+    if (source == Source::pose && wire::ignores_keys(result.body, kPoseKeys.size())) {
+      result.give_up = fmt::format(
+          "asked for {} keys, the controller answered with {}: it ignores `keys`, so pose is "
+          "not asked for any more; switch pose off, or ask status more often",
+          kPoseKeys.size(), wire::count_members(result.body));
+    }
   }
   return result;
 }
 
+std::string_view TcpLink::body_of(Source source) const {
+  static const std::string pose = wire::pose_request_body();
+  return source == Source::status ? options_.status_body : source == Source::pose ? pose : std::string_view();
+}
+
 void TcpLink::judge(const wire::Frame& frame, bool first, Source source, PollResult& result) {
-  const std::uint16_t request = source == Source::io ? wire::kStatusIo : wire::kStatusAll1;
+  const std::uint16_t request = request_of(source);
   switch (wire::classify(frame, request)) {
     case wire::AnswerClass::expected:
       judge_sequence(frame, first, result);

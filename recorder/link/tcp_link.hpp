@@ -1,5 +1,5 @@
 #pragma once
-// The Robokit status port (19204): requests 1100 and 1013, nothing else.
+// The Robokit status port (19204): requests 1100 (whole, or its pose alone) and 1013, nothing else.
 //
 // One connection, held. An answer is taken only when it is a frame of the expected type with the sequence number of the
 // request; any other frame closes the connection, and so does a timeout (an error frame with the right number does not:
@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "recorder/link/link.hpp"
 #include "recorder/link/link_memory.hpp"
@@ -32,7 +33,8 @@ class TcpLink final : public Link {
  public:
   explicit TcpLink(TcpLinkOptions options);
 
-  /// `source`: status or io.
+  /// `source`: status, io or pose. A controller that answers pose with everything it knows is not asked for it again:
+  /// PollResult::give_up.
   PollResult poll(Source source, std::chrono::milliseconds timeout) override;
   [[nodiscard]] bool connected() const override { return socket_.connected(); }
   void close() override;
@@ -42,6 +44,7 @@ class TcpLink final : public Link {
  private:
   Failure ready(Micros deadline_us);
   Failure receive(wire::Frame& frame, Micros deadline_us);
+  [[nodiscard]] std::string_view body_of(Source source) const;
   void judge(const wire::Frame& frame, bool first, Source source, PollResult& result);
   void judge_sequence(const wire::Frame& frame, bool first, PollResult& result);
   void note_error(const wire::Frame& frame, Source source, EventKind kind, PollResult& result);

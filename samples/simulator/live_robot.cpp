@@ -38,7 +38,10 @@ const RobotState& LiveRobot::now() { return robot_.at(t0_us_ + mono_now_us() - m
 
 std::string LiveRobot::status(std::span<const std::string> keys, bool lasers) {
   const std::lock_guard lock(mutex_);
-  return scenario_.body_file.empty() ? answers_.status(now(), keys, lasers) : body_;
+  if (!scenario_.body_file.empty()) {
+    return body_;
+  }
+  return answers_.status(now(), scenario_.ignores_keys ? std::span<const std::string>() : keys, lasers);
 }
 
 std::string LiveRobot::io() {

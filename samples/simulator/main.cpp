@@ -37,6 +37,7 @@ struct Arguments {
   std::string from = "2026-01-01";
   double rate = 1;
   double io_rate = 0;
+  double pose_rate = 0;
   double registers_rate = 0;
   double inputs_rate = 0;
 };
@@ -186,6 +187,7 @@ int write(const Arguments& arguments) {
   options.duration_us = std::llround(arguments.days * 86400e6);
   options.status_period_us = period_of(arguments.rate);
   options.io_period_us = period_of(arguments.io_rate);
+  options.pose_period_us = period_of(arguments.pose_rate);
   options.registers_period_us = period_of(arguments.registers_rate);
   options.inputs_period_us = period_of(arguments.inputs_rate);
   if (isatty(STDERR_FILENO) != 0) {
@@ -239,6 +241,7 @@ int run(int argc, char** argv) {
   };
   rate("--rate", a.rate, "status answers per second; 0 = none");
   rate("--io-rate", a.io_rate, "io answers per second");
+  rate("--pose-rate", a.pose_rate, "pose answers per second");
   rate("--registers-rate", a.registers_rate, "register sweeps per second");
   rate("--inputs-rate", a.inputs_rate, "reads of the discrete inputs per second");
 

@@ -73,6 +73,7 @@ const std::vector<Key<Scenario>>& keys(const Scenario*) {
       {"word_order", &Scenario::word_order},
       {"registers_rounded", &Scenario::registers_rounded},
       {"battery_fields", &Scenario::battery_fields},
+      {"ignores_keys", &Scenario::ignores_keys},
       {"clock_offset_s", &Scenario::clock_offset_s, -1e9, 1e9},
       {"clock_drift_ppm", &Scenario::clock_drift_ppm, -1e5, 1e5},
       {"clock_step_s", &Scenario::clock_step_s, -1e9, 1e9},

@@ -81,6 +81,7 @@ struct Scenario {
   WordOrder word_order = WordOrder::cdab;
   bool registers_rounded = true;  ///< floats of registers: as the JSON answer prints them; false: noise in every bit
   bool battery_fields = true;     ///< false: the answer has no battery_* keys and zero registers
+  bool ignores_keys = false;      ///< 1100 with `keys` is answered with everything
   double clock_offset_s = 0.0;    ///< robot clock minus true time
   // Faults of the robot's clock; times since the start. Stamps of alarms follow clock_offset_s alone.
   double clock_drift_ppm = 0.0;

@@ -110,6 +110,7 @@ void LogMaker::add_robot(const Scenario& scenario) {
   add_source(Source::io, options_.io_period_us);
   add_source(Source::registers, options_.registers_period_us);
   add_source(Source::inputs, options_.inputs_period_us);
+  add_source(Source::pose, options_.pose_period_us);
 }
 
 void LogMaker::add_source(Source source, Micros period_us) {
@@ -125,6 +126,8 @@ void LogMaker::add_source(Source source, Micros period_us) {
   stream.word_order = simulated.robot.scenario().word_order;
   if (source == Source::status) {
     stream.request = wire::status_request_body({});
+  } else if (source == Source::pose) {
+    stream.request = wire::pose_request_body();
   } else if (source == Source::registers || source == Source::inputs) {
     stream.request = wire::to_text(wire::plan_ranges(source == Source::inputs));
   }
@@ -133,7 +136,8 @@ void LogMaker::add_source(Source source, Micros period_us) {
   schedule.robot = robots_.size() - 1;
   schedule.source = source;
   schedule.period_us = period_us;
-  schedule.phase_us = period_us * static_cast<Micros>(source) / static_cast<Micros>(kSourceCount);
+  constexpr Micros kApart = 4;  // fixed, so that another source changes nothing in logs without it
+  schedule.phase_us = period_us * (static_cast<Micros>(source) % kApart) / kApart;
   schedules_.push_back(schedule);
   plan(schedules_.size() - 1);
 }
@@ -212,6 +216,10 @@ std::string LogMaker::body(Source source, Simulated& simulated, Micros t_us) {
       return simulated.answers.status(state);
     case Source::io:
       return simulated.answers.io(state);
+    case Source::pose: {
+      const std::vector<std::string> keys(kPoseKeys.begin(), kPoseKeys.end());
+      return simulated.answers.status(state, keys);
+    }
     case Source::registers: {
       const auto words = simulated.answers.registers(state);
       for (const wire::Range& range : wire::plan_ranges(false)) {

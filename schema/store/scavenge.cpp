@@ -38,10 +38,13 @@ std::optional<std::uint32_t> number_in_name(const fs::path& path) {
   return good ? std::optional(number) : std::nullopt;
 }
 
-Connection scratch(const fs::path& path) {
+Connection scratch(const fs::path& path, std::uint32_t page_bytes = 0) {
   fs::remove(path);
   Connection connection(path, OpenMode::create);
   connection.exec("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF");
+  if (page_bytes > 0) {
+    connection.exec(fmt::format("PRAGMA page_size = {}", page_bytes));  // one that cannot be is not taken
+  }
   connection.exec(schema_sql());
   // Fingerprints of the records taken so far: a record lies in the file more than once when SQLite has moved it.
   connection.exec("CREATE TEMP TABLE taken (fingerprint INTEGER PRIMARY KEY)");
@@ -334,8 +337,20 @@ void Rebuild::mend() {
   result_.whole = result_.whole && !mending.made_up;
 }
 
+/// What the header of a WAL says; 0 when there is none.
+std::uint32_t page_bytes_of_wal(const fs::path& wal) {
+  constexpr std::size_t kPageBytesAt = 8;
+  std::array<unsigned char, 32> header{};
+  std::ifstream(wal, std::ios::binary).read(reinterpret_cast<char*>(header.data()), header.size());
+  std::uint32_t bytes = 0;
+  for (std::size_t i = 0; i < sizeof bytes; ++i) {
+    bytes = bytes << 8U | header[kPageBytesAt + i];
+  }
+  return bytes;
+}
+
 /// A copy with everything of the WAL in the file itself. SQLite does that page by page and needs no more than the
-/// header, which is made anew when it is damaged.
+/// header, which is made anew when it is damaged: of the page size of the WAL, or SQLite would not take its pages.
 void copy_with_wal(const fs::path& damaged, const fs::path& copy) {
   fs::copy_file(damaged, copy, fs::copy_options::overwrite_existing);
   fs::copy_file(damaged.string() + "-wal", copy.string() + "-wal", fs::copy_options::overwrite_existing);
@@ -348,7 +363,7 @@ void copy_with_wal(const fs::path& damaged, const fs::path& copy) {
     empty_wal();
   } catch (const SqliteError&) {
     const fs::path model = copy.string() + "-model";
-    { scratch(model).exec("PRAGMA journal_mode = WAL"); }
+    { scratch(model, page_bytes_of_wal(copy.string() + "-wal")).exec("PRAGMA journal_mode = WAL"); }
     std::array<char, kFileHeader> header{};
     std::ifstream(model, std::ios::binary).read(header.data(), header.size());
     std::fstream(copy, std::ios::in | std::ios::out | std::ios::binary).write(header.data(), header.size());

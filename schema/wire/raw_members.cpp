@@ -2,6 +2,8 @@
 
 #include <cassert>
 
+#include "schema/wire/requests.hpp"
+
 namespace tacho::wire {
 
 namespace {
@@ -73,6 +75,27 @@ std::size_t skip_value(std::string_view text, std::size_t at) {
 }
 
 }  // namespace
+
+std::size_t count_members(std::string_view body) {
+  constexpr std::string_view kSpace = " \t\r\n";
+  std::size_t at = skip_any_of(body, 0, kSpace);
+  if (at >= body.size() || body[at] != '{') {
+    return 0;
+  }
+  // The body need not be JSON at all: only what looks like a key is walked over.
+  std::size_t members = 0;
+  at = skip_any_of(body, at + 1, kSpace);
+  while (at < body.size() && body[at] == '"') {
+    ++members;
+    const std::size_t colon = skip_any_of(body, skip_string(body, at), kSpace);
+    if (colon >= body.size() || body[colon] != ':') {
+      break;
+    }
+    at = skip_value(body, skip_any_of(body, colon + 1, kSpace));
+    at = skip_any_of(body, at, " \t\r\n,");
+  }
+  return members;
+}
 
 std::string_view RawMembers::value(std::size_t index) {
   if (parent_ != nullptr) {

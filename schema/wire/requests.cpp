@@ -4,6 +4,8 @@
 
 #include <string_view>
 
+#include "schema/sample.hpp"
+
 namespace tacho::wire {
 
 namespace {
@@ -57,6 +59,17 @@ std::string status_request_body(const StatusRequest& request) {
   }
   // Nothing to say: the document's first example, a frame without a body.
   return body.empty() ? body : body + "}";
+}
+
+std::string pose_request_body() {
+  StatusRequest request;
+  request.keys.assign(kPoseKeys.begin(), kPoseKeys.end());
+  return status_request_body(request);
+}
+
+bool ignores_keys(std::string_view body, std::size_t asked) {
+  constexpr std::size_t kUsualExtras = 10;
+  return count_members(body) > asked + kUsualExtras;
 }
 
 }  // namespace tacho::wire

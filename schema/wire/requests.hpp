@@ -1,9 +1,11 @@
 #pragma once
 // The only requests that exist: 1100 and 1013 on the status port. (Modbus: FC4 and FC2, in recorder/link.)
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace tacho::wire {
@@ -20,5 +22,14 @@ struct StatusRequest {
 
 /// Body of request 1100: compact JSON in the key order of the vendor's document.
 std::string status_request_body(const StatusRequest& request);
+
+/// 1100 for kPoseKeys.
+std::string pose_request_body();
+
+/// Members of the object that the body is; 0 when it is none.
+std::size_t count_members(std::string_view body);
+/// The controller sent the whole answer although only `asked` keys were asked for. A few more are no sign of it:
+/// create_on, ret_code and whatever a firmware adds to every answer.
+bool ignores_keys(std::string_view body, std::size_t asked);
 
 }  // namespace tacho::wire

@@ -26,9 +26,11 @@ RawRow row(double t_s) {
   return r;
 }
 
+const PlannedPeriod kEverySecond(1'000'000, Source::status);
+
 /// Ten good rows at 1 Hz, then `next`; the cut it makes, or nothing when it is joined.
 std::optional<Cut> cut_by(RawRow next) {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   for (int t = 0; t < 10; ++t) {
     REQUIRE(preparation.step(row(t), out));
@@ -72,7 +74,7 @@ TEST_CASE("a field that one answer leaves out cuts nothing and hides nothing") {
   r.map = 0;
   r.uptime_s = kNone;
   CHECK_FALSE(cut_by(r).has_value());
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   CHECK(preparation.step(row(0), out));
   CHECK(preparation.step(r, out));
@@ -83,7 +85,7 @@ TEST_CASE("a field that one answer leaves out cuts nothing and hides nothing") {
 }
 
 TEST_CASE("an answer with the uptime of the one before is one sample") {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   CHECK(preparation.step(row(0), out));
   RawRow again = row(1);
@@ -96,7 +98,7 @@ TEST_CASE("an answer with the uptime of the one before is one sample") {
 }
 
 TEST_CASE("the gap rule follows a changed polling rate") {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   double t = 0.0;
   for (int i = 0; i < 40; ++i, t += 10.0) {
@@ -105,8 +107,49 @@ TEST_CASE("the gap rule follows a changed polling rate") {
   CHECK(out.joined);  // planned 1 s, but 10 s is what this session does
 }
 
+TEST_CASE("a standing robot that is asked less often makes no gap, and does not count as slow polling") {
+  Preparation preparation(config(), kEverySecond);
+  Track track(config());
+  Prepared out;
+  double t = 0.0;
+  std::uint64_t seq = 0;
+  std::size_t cuts = 0;
+  const auto rows = [&](int count, double period) {
+    for (int i = 0; i < count; ++i, t += period, ++seq) {
+      RawRow r = row(t);
+      r.session = 1;
+      r.seq = seq;
+      preparation.step(r, out);
+      cuts += out.joined ? 0U : 1U;
+      track.push(out);
+    }
+  };
+  const auto rate = [&](const std::string& period, const std::string& doing) {
+    Slice slice;
+    slice.session = 1;
+    Event& event = slice.events.emplace_back();
+    event.kind = EventKind::rate;
+    event.seq = seq;
+    event.subject = doing;
+    event.new_value = period;
+    preparation.open(slice);
+  };
+  rows(20, 1.0);
+  rate("10.0 s", "idle");
+  t += 9.0;
+  rows(100, 10.0);
+  rate("1.0 s", "moving");
+  rows(20, 1.0);
+  CHECK(cuts == 1);  // the first row of all
+  CHECK(track.period_s() == Approx(1.0));
+  t += 9.0;  // at the fast rate again a hole is a hole
+  seq += 9;
+  rows(1, 1.0);
+  CHECK(out.cut == Cut::gap);
+}
+
 TEST_CASE("minus zero is zero, and a confidence of 0 is no estimate") {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   RawRow r = row(0);
   r.vx = -0.0;
@@ -118,7 +161,7 @@ TEST_CASE("minus zero is zero, and a confidence of 0 is no estimate") {
 }
 
 TEST_CASE("a track drops rows of a standstill but keeps its ends and every metre") {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Track track(config());
   Prepared out;
   double odo = 0.0;
@@ -144,7 +187,7 @@ TEST_CASE("a track drops rows of a standstill but keeps its ends and every metre
 }
 
 TEST_CASE("a localisation jump at standstill is kept in the track") {
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Track track(config());
   Prepared out;
   for (int t = 0; t < 100; ++t) {
@@ -190,7 +233,7 @@ TEST_CASE("the quantum of a counter is found") {
 
 TEST_CASE("pose noise comes from fresh poses only, whatever the pose creeps") {
   StandstillFold fold(config());
-  Preparation preparation(config(), 1.0);
+  Preparation preparation(config(), kEverySecond);
   Prepared out;
   SplitMix random(4);
   double x = 0.0;

@@ -43,7 +43,7 @@ namespace fs = std::filesystem;
 
 constexpr Micros kT0 = 1'767'250'800'000'000;  // 2026-01-01T07:00:00Z: no midnight within the run
 constexpr Micros kSecond = 1'000'000;
-constexpr std::array<Micros, kSourceCount> kPeriods{kSecond, kSecond / 2, kSecond / 5, kSecond / 5};
+constexpr std::array<Micros, 4> kPeriods{kSecond, kSecond / 2, kSecond / 5, kSecond / 5};  // status to inputs
 
 void print(const std::string& name, double value, const char* unit, double limit = 0.0) {
   fmt::print("{{\"name\":\"write/{}\",\"value\":{:.4g},\"unit\":\"{}\"{}}}\n", name, value, unit,
@@ -100,7 +100,7 @@ class Fleet {
     for (const auto& one : robots_) {
       one->seq = {};
       one->id = writer.robot(one->robot.scenario().name, one->robot.scenario().ip + ":19204:502");
-      for (std::size_t s = 0; s < kSourceCount; ++s) {
+      for (std::size_t s = 0; s < kPeriods.size(); ++s) {
         Stream stream;
         stream.session = session;
         stream.robot = one->id;
@@ -116,7 +116,7 @@ class Fleet {
   const std::vector<Answer>& answers_of(Micros second) {
     polls_.clear();
     for (std::size_t r = 0; r < robots_.size(); ++r) {
-      for (std::size_t s = 0; s < kSourceCount; ++s) {
+      for (std::size_t s = 0; s < kPeriods.size(); ++s) {
         const Micros phase = static_cast<Micros>(s) * 20'000 + static_cast<Micros>(r) * 13'000 % kPeriods[s];
         for (Micros t = second * kSecond + phase % kPeriods[s]; t < (second + 1) * kSecond; t += kPeriods[s]) {
           polls_.push_back({kT0 + t, r, static_cast<Source>(s)});

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "samples/simulator/serve.hpp"
@@ -144,6 +145,46 @@ TEST_CASE("without a configuration file SIGHUP changes nothing and says so") {
   const Outcome outcome = recorder.wait();
   CHECK(outcome.code == 0);
   CHECK(has(outcome.err, "there is no --config file to read again; nothing changed"));
+}
+
+TEST_CASE("a mark from another terminal, or by SIGUSR1, is an event of the robots it is for") {
+  Site site;
+  site.write_config(2);
+  CHECK(test::run(kRecorder, {"mark", site.log, "nobody hears this"}).code == 1);
+  Process recorder(kRecorder, {"run", "--config", site.config, "--for", "60s"});
+  site.wait_heard("READY=1");
+  CHECK(test::run(kRecorder, {"mark", site.log, "pallet slipped"}).code == 0);
+  const Outcome one = test::run(kRecorder, {"mark", site.log, "door 3", "--robot", "robot2"});
+  INFO(one.err);
+  CHECK(one.code == 0);
+  const Outcome wrong = test::run(kRecorder, {"mark", site.log, "x", "--robot", "robto2"});
+  CHECK(wrong.code == 2);
+  CHECK(has(wrong.err, "did you mean 'robot2'"));
+  recorder.signal(SIGUSR1);
+  std::this_thread::sleep_for(300ms);
+  recorder.signal(SIGTERM);
+  const Outcome outcome = recorder.wait();
+  INFO(outcome.err);
+  CHECK(outcome.code == 0);
+  CHECK(has(outcome.err, "mark: pallet slipped"));
+
+  const Outcome late = test::run(kRecorder, {"mark", site.log, "too late"});
+  CHECK(late.code == 1);
+  CHECK(has(late.err, "nobody records into this log"));
+  const auto log = open_log(std::vector<std::filesystem::path>{site.log});
+  std::map<RobotId, std::vector<std::string>> marks;
+  for (const Robot& robot : log->robots()) {
+    Selection records;
+    log->read(robot.id, {}, records, [&](const Slice& slice) {
+      for (const Event& event : slice.events) {
+        if (event.kind == EventKind::mark) {
+          marks[event.robot].push_back(event.detail);
+        }
+      }
+    });
+  }
+  CHECK(marks[1] == std::vector<std::string>{"pallet slipped", "signal SIGUSR1"});
+  CHECK(marks[2] == std::vector<std::string>{"pallet slipped", "door 3", "signal SIGUSR1"});
 }
 
 TEST_CASE("metrics that cannot be offered cost no recording") {

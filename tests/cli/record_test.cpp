@@ -113,6 +113,75 @@ TEST_CASE("a recording that stored nothing fails and says why on its last line")
   CHECK(outcome.out.find("connect_refused") != std::string::npos);
 }
 
+TEST_CASE("pose beside the full answer, also of a controller that ignores keys: accounted for, verified and readable") {
+  TempDir dir;
+  const std::string log = (dir / "log").string();
+  std::vector<sim::ServedRobot> two = robots(2);
+  two[1].scenario.ignores_keys = true;
+  sim::Server server(two, {});
+  std::vector<std::string> arguments = record_arguments(server, 2, log, "5s");
+  arguments[6] = "status=1s,io=off,pose=5Hz,pose.idle=2s,registers=5Hz,registers.charging=1s,inputs=5Hz";
+  const Outcome outcome = test::run(kRecorder, arguments);
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  CHECK(outcome.err.find("robot2: pose: asked for 8 keys, the controller answered with ") != std::string::npos);
+  CHECK(outcome.err.find("robot1: pose: asked") == std::string::npos);
+
+  const auto source = open(log);
+  check_every_poll_is_accounted_for(*source);
+  std::map<RobotId, std::uint64_t> poses;
+  for (const Coverage& c : source->coverage()) {
+    if (c.source == Source::pose) {
+      poses[c.robot] = c.planned;
+    }
+  }
+  CHECK(poses[1] > 20);
+  CHECK(poses[2] == 1);
+  const Outcome sql =
+      test::run(kAnalyzer,
+                {"sql", log, "--format", "csv",
+                 "select count(*) > 10, count(x) = count(*), min(t_recv_us - t_send_us) > 0, count(battery_level) from "
+                 "pose where robot = 'robot1'"});
+  INFO(sql.out << sql.err);
+  CHECK(sql.out.find("\n1,1,1,0") != std::string::npos);
+  const Outcome verify = test::run(kAnalyzer, {"verify", log});
+  INFO(verify.out);
+  CHECK(verify.code == 0);
+}
+
+TEST_CASE("another robot behind the same address is recorded as another robot, and every poll is accounted for") {
+  TempDir dir;
+  const std::string log = (dir / "log").string();
+  std::vector<sim::ServedRobot> first = robots(2);
+  auto server = std::make_unique<sim::Server>(std::vector<sim::ServedRobot>{first[0]}, sim::ServeOptions{});
+  Process recorder(kRecorder, record_arguments(*server, 1, log, "9s"));
+  std::this_thread::sleep_for(3s);
+  sim::ServedRobot other = first[1];
+  other.status_port = server->status_port(0);
+  other.modbus_port = server->modbus_port(0);
+  server.reset();
+  server = std::make_unique<sim::Server>(std::vector<sim::ServedRobot>{other}, sim::ServeOptions{});
+  const Outcome outcome = recorder.wait();
+  INFO(outcome.err);
+  REQUIRE(outcome.code == 0);
+  CHECK(outcome.err.find("robot1: another robot answers; it is recorded as 'robot1 (2)'") != std::string::npos);
+
+  const auto source = open(log);
+  check_every_poll_is_accounted_for(*source);
+  REQUIRE(source->robots().size() == 2);
+  CHECK(source->robots()[0].vehicle_id == "robot1");
+  CHECK(source->robots()[1].vehicle_id == "robot2");
+  for (const Robot& robot : source->robots()) {
+    std::size_t rows = 0;
+    source->read_raw(robot.id, Source::status, {}, [&](const Answer& answer) {
+      CHECK(answer.body.find("\"vehicle_id\":\"" + robot.vehicle_id + "\"") != std::string::npos);
+      ++rows;
+    });
+    CHECK(rows > 0);
+  }
+  CHECK(test::run(kAnalyzer, {"verify", log}).code == 0);
+}
+
 TEST_CASE("three robots at every source: each planned poll is stored or missed, also when a robot is switched off") {
   TempDir dir;
   const std::string log = (dir / "log").string();

@@ -285,3 +285,47 @@ TEST_CASE("the sample configuration is valid and shows the defaults") {
   plain.robots = config.robots;
   CHECK(to_toml(plain) == to_toml(config));
 }
+
+TEST_CASE("a period may depend on what the robot is doing, in the file and as flags") {
+  Config config = parse_config(kRobot +
+                                   "[robot.sources]\nstatus = { moving = '200ms', idle = '1s', charging = '5s' }\n"
+                                   "registers = { idle = '2s' }\ninputs = '1s'\n",
+                               "site.toml");
+  const Settings& settings = config.robots[0].settings;
+  CHECK(settings.rates(Source::status).period_us == std::array<Micros, 3>{200'000, 1'000'000, 5'000'000});
+  CHECK(settings.rates(Source::registers).period_us == std::array<Micros, 3>{200'000, 2'000'000, 2'000'000});
+  CHECK_FALSE(settings.rates(Source::inputs).varies());
+  CHECK(to_toml(parse_config(to_toml(config), "again")) == to_toml(config));
+  Overrides o;
+  o.periods = "status.charging=10s,registers=100ms";
+  apply(o, config);
+  CHECK(settings.rates(Source::status).period_us == std::array<Micros, 3>{200'000, 1'000'000, 10'000'000});
+  CHECK_FALSE(settings.rates(Source::registers).varies());
+  validate(config);
+
+  const auto sources = [](const std::string& text) { return error_of(kRobot + "[robot.sources]\n" + text + "\n"); };
+  CHECK(has(sources("status = { moving = '1s', idel = '2s' }"), "site.toml:5:27"));
+  CHECK(has(sources("status = { moving = '1s', idel = '2s' }"), "did you mean 'idle'"));
+  CHECK(has(sources("status = { idle = 'off' }"), "cannot be off for a part of the time"));
+  CHECK(has(sources("inputs = { idle = '10s' }"), "at least one poll in 5 s"));
+  o.periods = "status.parked=10s";
+  CHECK(has(error_of(o), "a robot is never 'parked'"));
+}
+
+TEST_CASE("pose is off, asked up to 10 Hz, and up to 20 Hz only when that is said") {
+  const auto with = [](const std::string& pose, const std::string& status) {
+    return error_of(kRobot + "[robot.sources]\npose = '" + pose + "'\n[robot.status]\n" + status + "\n");
+  };
+  CHECK(parse_config(kRobot, "site.toml").robots[0].settings.period(Source::pose) == 0);
+  CHECK(with("8Hz", "").empty());
+  CHECK(has(with("10Hz", ""), "status and pose together ask more often than the spacing of 100 ms"));
+  CHECK(with("10Hz", "spacing = '50ms'").empty());
+  CHECK(has(with("20Hz", "spacing = '20ms'"), "set allow_fast = true in [status]"));
+  CHECK(with("20Hz", "spacing = '20ms'\nallow_fast = true").empty());
+  CHECK(has(with("25Hz", "spacing = '20ms'\nallow_fast = true"), "more often than 20 Hz"));
+  Overrides o = with_robot();
+  o.sources = "status,pose";
+  Config config;
+  apply(o, config);
+  CHECK(config.robots[0].settings.period(Source::pose) == 200'000);
+}

@@ -56,6 +56,8 @@ struct Act {
   bool keeps_connection = false;  ///< of a failure
   std::string missing;            ///< non-empty: partial
   bool drops_connection = false;  ///< of a success
+  std::string body = "{}";
+  std::string give_up = "";
 };
 
 class FakeLink final : public Link {
@@ -74,7 +76,8 @@ class FakeLink final : public Link {
     result.cause = act.cause;
     result.detail = act.ok ? act.missing : "because";
     result.partial = act.ok && !act.missing.empty();
-    result.body = act.ok ? "{}" : "";
+    result.body = act.ok ? act.body : "";
+    result.give_up = act.give_up;
     connected_ = act.ok ? !act.drops_connection : act.keeps_connection;
     return result;
   }

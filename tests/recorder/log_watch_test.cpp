@@ -131,6 +131,38 @@ TEST_CASE("a source whose answers stay away while the log is recorded is late") 
   site.recorder->finish();
 }
 
+TEST_CASE("status knows the rate that is in force where rates depend on the robot") {
+  TempDir dir;
+  std::atomic<bool> moves{false};
+  TinyServer server([&](Peer& peer, int) {
+    wire::FrameDecoder decoder;
+    wire::Frame frame;
+    for (std::string byte = peer.read(1); !byte.empty(); byte = peer.read(1)) {
+      decoder.feed(byte);
+      if (decoder.next(frame)) {
+        const std::string body =
+            std::string(R"({"w":0,"task_status":0,"charging":false,"vx":)") + (moves ? "1}" : "0}");
+        peer.write(wire::encode_frame(1, frame.header.sequence, wire::answer_type(frame.header.type), body));
+      }
+    }
+  });
+  Config config = config_for(dir / "log", {{server.port(), 1}});
+  Settings& settings = config.robots[0].settings;
+  settings.period_us = {50'000, 0, 0, 0};
+  settings.standing[0].idle_us = 400'000;
+  Recorder recorder(config, {});
+  const auto wait_for = [&](Micros period) {
+    while (stream(read_status(dir / "log", wall_now_us()), "r1", Source::status).period_us != period) {
+      std::this_thread::sleep_for(50ms);
+    }
+  };
+  wait_for(50'000);   // nothing is known yet
+  wait_for(400'000);  // after the hold time
+  moves = true;
+  wait_for(50'000);
+  check_log(dir / "log", recorder.finish());
+}
+
 TEST_CASE("status goes by the configuration that was loaded last") {
   Site site;
   site.wait_rows(20);

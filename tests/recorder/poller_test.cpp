@@ -341,7 +341,7 @@ TEST_CASE("law: whatever robot, network and queue do, stored plus missed is plan
     check_accounts(bench);
     const Micros stopped = std::min(end, bench.clock.stopped_at().value_or(end));
     for (std::size_t s = 0; s < sources.size(); ++s) {
-      const Schedule schedule(sources[s].phase_us, sources[s].period_us);
+      const Schedule schedule(sources[s].phase_us, sources[s].rates.fastest());
       CHECK(bench.poller->counters(s).planned.load() >= schedule.planned_before(stopped));
       CHECK(bench.poller->counters(s).planned.load() <= schedule.planned_before(stopped) + 1);
     }

@@ -386,3 +386,30 @@ TEST_CASE("interrupting ends a poll in progress") {
   CHECK(result.cause == Cause::shutdown);
   CHECK_FALSE(link.poll(Source::status, kTimeout).ok);
 }
+
+TEST_CASE("pose asks 1100 for its keys alone, and an answer with everything ends it") {
+  std::string asked;
+  std::string body =
+      R"({"x":1,"y":2,"angle":0.5,"vx":0,"vy":0,"w":0,"odo":7,"confidence":0.9,"create_on":"2026-01-01T00:00:00.000Z","ret_code":0})";
+  TinyServer server([&](Peer& peer, int) {
+    for (wire::FrameHeader header = request(peer, &asked); header.type != 0; header = request(peer, &asked)) {
+      CHECK(header.type == 1100);
+      peer.write(answer(header, body));
+    }
+  });
+  TcpLink link = link_to(server.port());
+  PollResult result = link.poll(Source::pose, kTimeout);
+  CHECK(result.ok);
+  CHECK(result.give_up.empty());
+  CHECK(asked == R"({"keys":["x","y","angle","confidence","vx","vy","w","odo"],"return_laser":false})");
+  body = R"({"x":1)";
+  for (int key = 0; key < 150; ++key) {
+    body += ",\"key" + std::to_string(key) + "\":[{\"x\":1},\"}\\\"{\"]";
+  }
+  body += "}";
+  result = link.poll(Source::pose, kTimeout);
+  CHECK(result.ok);  // an answer is an answer
+  CHECK(result.body == body);
+  CHECK(result.give_up.find("asked for 8 keys, the controller answered with 151") == 0);
+  CHECK(link.poll(Source::status, kTimeout).give_up.empty());  // there it is what was asked for
+}

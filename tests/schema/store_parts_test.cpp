@@ -340,7 +340,7 @@ TEST_CASE("a part says what it is made of: pragmas, field table, code lists") {
         std::string(field_at(field("battery_temp")).unit));
   CHECK(sql_text(part, "SELECT name FROM code WHERE list = 'obstacle' AND value = 1") == "laser");
   CHECK(sql_text(part, "SELECT name FROM code WHERE list = 'cause' AND value = 15") == "recorder_killed");
-  CHECK(sql_text(part, "SELECT count(*) FROM code WHERE list = 'source'") == "4");
+  CHECK(sql_text(part, "SELECT count(*) FROM code WHERE list = 'source'") == std::to_string(kSourceCount));
   CHECK(sql_text(part, "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND sql NOT LIKE '%STRICT%'") == "0");
   CHECK(sql_text(part, "SELECT count(*) FROM sqlite_schema WHERE type = 'index' AND tbl_name IN ('hot', 'event')") ==
         "0");

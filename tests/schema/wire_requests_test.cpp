@@ -67,3 +67,19 @@ TEST_CASE("every parameter of request 1100 can be set, timeout does not exist", 
         "\"language\":\"en\"}");
   CHECK(status_request_body(request).find("timeout") == std::string::npos);
 }
+
+TEST_CASE("members of a body are counted whatever it is, and an answer to more keys than asked is told") {
+  CHECK(count_members("{}") == 0);
+  CHECK(count_members(R"( { "a" : 1 , "b":[{"c":2},"}"],"d":{"e":"\"}"}} )") == 3);
+  CHECK(count_members(R"({"a":)") == 1);
+  CHECK(count_members(R"({"a)") == 1);
+  for (const char* body : {"", "[1,2]", "\\\"", "not json", "\"a\":1"}) {
+    CHECK(count_members(body) == 0);
+  }
+  CHECK_FALSE(ignores_keys(R"({"x":1,"create_on":"now","ret_code":0})", 1));
+  std::string whole = R"({"x":1)";
+  for (int key = 0; key < 20; ++key) {
+    whole += ",\"k" + std::to_string(key) + "\":0";
+  }
+  CHECK(ignores_keys(whole + "}", 8));
+}

@@ -1,5 +1,6 @@
 #include "schema/store/sql/row_columns.hpp"
 
+#include <algorithm>
 #include <array>
 
 namespace tacho::store::sql {
@@ -34,22 +35,23 @@ std::vector<RowColumn> make_columns(Source source) {
 
 bool source_has(Source source, FieldIndex field) {
   const Field& f = field_at(field);
-  switch (source) {
-    case Source::status:
-    case Source::io:
+  switch (source_info(source).encoding) {
+    case Encoding::json:
       return !f.json.key.empty();
-    case Source::registers:
+    case Encoding::registers:
       return f.reg.present() && !f.reg.discrete;
-    case Source::inputs:
+    case Encoding::inputs:
       return f.reg.present() && f.reg.discrete;
   }
   return false;
 }
 
 const std::vector<RowColumn>& row_columns(Source source) {
-  static const std::array<std::vector<RowColumn>, kSourceCount> kColumns{
-      make_columns(static_cast<Source>(0)), make_columns(static_cast<Source>(1)), make_columns(static_cast<Source>(2)),
-      make_columns(static_cast<Source>(3))};
+  static const auto kColumns = [] {
+    std::array<std::vector<RowColumn>, kSourceCount> all;
+    std::transform(all_sources().begin(), all_sources().end(), all.begin(), make_columns);
+    return all;
+  }();
   return kColumns[static_cast<std::size_t>(source)];
 }
 
