@@ -147,6 +147,8 @@ TEST_CASE("pose beside the full answer, also of a controller that ignores keys: 
   const Outcome verify = test::run(kAnalyzer, {"verify", log});
   INFO(verify.out);
   CHECK(verify.code == 0);
+  CHECK(verify.out.find("PASS     VER-05") != std::string::npos);
+  CHECK(verify.out.find("events derived again for 2 sessions of a robot\n") != std::string::npos);
 }
 
 TEST_CASE("another robot behind the same address is recorded as another robot, and every poll is accounted for") {
