@@ -119,10 +119,12 @@ void add_options(CLI::App& command, RunArguments& arguments) {
       ->allow_extra_args(false);
   command.add_option("--log", o.log, "folder of the log; made when it does not exist")->type_name("DIR");
   command.add_option("--sources", o.sources, "record these and no others: status,io,registers,inputs,pose")
+      ->join(',')
       ->type_name("LIST");
   command
       .add_option("--period", o.periods,
                   "how often: status=1s,status.idle=5s,io=2Hz,inputs=off (.moving, .idle, .charging: what it is doing)")
+      ->join(',')
       ->type_name("LIST");
   command.add_option("--timeout", o.timeout, "longest wait for an answer, connecting included (1s)")->type_name("TIME");
   command.add_option("--unit", o.unit, "Modbus unit id (1)");
