@@ -96,7 +96,10 @@ struct Bench {
   }
   void wait_for(const std::string& row) const {
     const std::uint64_t before = stored(row);
+    const auto end = std::chrono::steady_clock::now() + 60s;
     while (stored(row) < before + 10) {  // more than what is not committed yet
+      INFO("waited a minute for answers of " << row);
+      REQUIRE(std::chrono::steady_clock::now() < end);
       std::this_thread::sleep_for(2ms);
     }
   }
