@@ -9,8 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "recorder/link/modbus_link.hpp"
-#include "recorder/link/tcp_link.hpp"
+#include "recorder/fleet.hpp"
 #include "recorder/recorder.hpp"
 #include "schema/log.hpp"
 #include "schema/store/kept_parts.hpp"
@@ -46,7 +45,7 @@ class RobotCheck {
   }
 
   CheckResult run() {
-    TcpLink status(status_options());
+    TcpLink status(status_link_options(robot_, hint_));
     for (const Source source : {Source::status, Source::io, Source::pose}) {
       if (robot_.settings.period(source) > 0) {
         ask(status, source, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
@@ -55,7 +54,7 @@ class RobotCheck {
       }
     }
     status.close();
-    ModbusLink modbus(modbus_options());
+    ModbusLink modbus(modbus_link_options(robot_, hint_));
     for (const Source source : {Source::inputs, Source::registers}) {  // inputs first: they gate some registers
       if (robot_.settings.period(source) > 0) {
         modbus_ = &modbus;
@@ -66,20 +65,6 @@ class RobotCheck {
   }
 
  private:
-  [[nodiscard]] TcpLinkOptions status_options() const {
-    return {robot_.host, robot_.status_port, robot_.settings.status.version,
-            wire::status_request_body(robot_.settings.status.request), hint_};
-  }
-  [[nodiscard]] ModbusLinkOptions modbus_options() const {
-    ModbusLinkOptions out;
-    out.host = robot_.host;
-    out.port = robot_.modbus_port;
-    out.unit = robot_.settings.modbus.unit;
-    out.word_order = robot_.settings.modbus.word_order;
-    out.status = hint_;
-    return out;
-  }
-
   void line(Source source, const std::string& text) {
     result_.text += fmt::format("  {:<10} {}\n", source_name(source), text);
   }

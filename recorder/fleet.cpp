@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "recorder/link/modbus_link.hpp"
-#include "recorder/link/tcp_link.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -36,27 +34,36 @@ std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_ind
 
 std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol,
                                 const std::shared_ptr<LinkMemory>& memory) {
-  const Settings& settings = robot.settings;
+  const std::shared_ptr<StatusHint> hint = memory->hint(robot.name);
   if (protocol == Protocol::modbus) {
-    ModbusLinkOptions options;
-    options.host = robot.host;
-    options.port = robot.modbus_port;
-    options.unit = settings.modbus.unit;
-    options.word_order = settings.modbus.word_order;
+    ModbusLinkOptions options = modbus_link_options(robot, hint);
     options.memory = memory;
-    options.status = memory->hint(robot.name);
     return std::make_unique<ModbusLink>(std::move(options));
   }
-  TcpLinkOptions options;
-  options.host = robot.host;
-  options.port = robot.status_port;
-  options.version = settings.status.version;
-  options.status_body = wire::status_request_body(settings.status.request);
-  options.hint = memory->hint(robot.name);
-  return std::make_unique<TcpLink>(std::move(options));
+  return std::make_unique<TcpLink>(status_link_options(robot, hint));
 }
 
 }  // namespace
+
+TcpLinkOptions status_link_options(const RobotConfig& robot, std::shared_ptr<StatusHint> hint) {
+  TcpLinkOptions options;
+  options.host = robot.host;
+  options.port = robot.status_port;
+  options.version = robot.settings.status.version;
+  options.status_body = wire::status_request_body(robot.settings.status.request);
+  options.hint = std::move(hint);
+  return options;
+}
+
+ModbusLinkOptions modbus_link_options(const RobotConfig& robot, std::shared_ptr<StatusHint> hint) {
+  ModbusLinkOptions options;
+  options.host = robot.host;
+  options.port = robot.modbus_port;
+  options.unit = robot.settings.modbus.unit;
+  options.word_order = robot.settings.modbus.word_order;
+  options.status = std::move(hint);
+  return options;
+}
 
 LinkFactory make_links(std::shared_ptr<LinkMemory> memory) {
   return [memory = std::move(memory)](const RobotConfig& robot, Protocol protocol) {

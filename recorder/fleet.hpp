@@ -19,10 +19,16 @@
 #include "recorder/config.hpp"
 #include "recorder/health.hpp"
 #include "recorder/link/link_memory.hpp"
+#include "recorder/link/modbus_link.hpp"
+#include "recorder/link/tcp_link.hpp"
 #include "recorder/poller.hpp"
 #include "recorder/snapshot.hpp"
 
 namespace tacho::recorder {
+
+/// How a configured robot is asked on each connection; nothing is remembered of it yet.
+TcpLinkOptions status_link_options(const RobotConfig& robot, std::shared_ptr<StatusHint> hint);
+ModbusLinkOptions modbus_link_options(const RobotConfig& robot, std::shared_ptr<StatusHint> hint);
 
 /// Makes the link of one robot; tests put their own in.
 using LinkFactory = std::function<std::unique_ptr<Link>(const RobotConfig&, Protocol)>;

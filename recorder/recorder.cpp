@@ -88,7 +88,10 @@ struct Recorder::Impl {
     out.commit_interval = std::chrono::microseconds(config.commit_us);
     out.queue_items = options.queue_items;
     out.queue_bytes = options.queue_bytes;
-    out.planned = [this](store::LogWriter& w) { hand_over_planned(w); };
+    out.planned = [this](store::LogWriter& w) {
+      hand_over_planned(w);
+      save_memory();
+    };
     out.notice = options.notice;
     out.forecast = writer.forecast();
     outlook = {store::rules_text(config.retention), store::forecast_text(out.forecast, config.retention)};
@@ -217,6 +220,9 @@ struct Recorder::Impl {
     for (const Fleet::StreamCounts& stream : fleet->streams()) {
       w.planned(stream.id, stream.source, stream.planned);
     }
+  }
+
+  void save_memory() const {
     if (const std::string trouble = memory->save(); !trouble.empty()) {
       options.notice(trouble);
     }

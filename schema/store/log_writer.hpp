@@ -31,12 +31,13 @@ struct WriterOptions {
   bool part_per_day = true;               ///< ... or when the UTC day of the newest row changes
   int keyframe_every = 120;               ///< answers that depend on one row; smaller = larger log, faster seek
   int zstd_level = 3;                     ///< of blocks
-  std::uint64_t wal_bytes = 128u << 20;  ///< a WAL is checkpointed when larger; pages that change again are written once
-  bool blocks = true;                   ///< false: rows stay hot, as in a part that a kill left; only tests want that
-  std::uint32_t first_part = 1;         ///< number of the first part of a new log; higher for a copy of a later one
-  bool durable = true;                  ///< synchronous FULL; false only for generated logs that can be made again
-  Decode decode = {};        ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
-  Retention retention = {};  ///< by default nothing is removed
+  std::uint64_t wal_bytes =
+      128u << 20;                ///< a WAL is checkpointed when larger; pages that change again are written once
+  bool blocks = true;            ///< false: rows stay hot, as in a part that a kill left; only tests want that
+  std::uint32_t first_part = 1;  ///< number of the first part of a new log; higher for a copy of a later one
+  bool durable = true;           ///< synchronous FULL; false only for generated logs that can be made again
+  Decode decode = {};            ///< needed for one-minute rollups; empty: none are made (schema/log.hpp has one)
+  Retention retention = {};      ///< by default nothing is removed
 };
 
 class LogWriter {

@@ -14,6 +14,7 @@
 #include "schema/store/block/block_decoder.hpp"
 #include "schema/store/hot_scan.hpp"
 #include "schema/store/page_scan.hpp"
+#include "schema/store/record_format.hpp"
 #include "schema/store/record_shape.hpp"
 #include "schema/store/schema_sql.hpp"
 #include "schema/store/seal.hpp"
@@ -36,6 +37,13 @@ std::optional<std::uint32_t> number_in_name(const fs::path& path) {
       std::from_chars(name.data() + std::min<std::size_t>(5, name.size()), name.data() + name.size(), number);
   const bool good = error == std::errc() && name.rfind("part-", 0) == 0 && std::string_view(end) == ".db";
   return good ? std::optional(number) : std::nullopt;
+}
+
+/// Four bytes of the header of a file or a WAL; zeros behind its end.
+std::uint32_t word_in_header(const fs::path& path, std::size_t at) {
+  std::array<char, kFileHeader> header{};
+  std::ifstream(path, std::ios::binary).read(header.data(), header.size());
+  return static_cast<std::uint32_t>(big_endian({header.data(), header.size()}, at, sizeof(std::uint32_t)));
 }
 
 Connection scratch(const fs::path& path, std::uint32_t page_bytes = 0) {
@@ -263,12 +271,7 @@ void Rebuild::read_seal() {
 /// A header that says so may be damaged, but not when another version wrote the rest of the part too.
 bool Rebuild::is_newer() const {
   constexpr std::size_t kVersionAt = 60;
-  std::array<unsigned char, kFileHeader> header{};
-  std::ifstream(damaged_, std::ios::binary).read(reinterpret_cast<char*>(header.data()), header.size());
-  std::int64_t version = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
-    version = version << 8U | header[kVersionAt + i];
-  }
+  const auto version = static_cast<std::int64_t>(word_in_header(damaged_, kVersionAt));
   return version > kSchemaVersion && !part_.software.empty() && part_.software != "tachograph " TACHO_VERSION;
 }
 
@@ -340,13 +343,7 @@ void Rebuild::mend() {
 /// What the header of a WAL says; 0 when there is none.
 std::uint32_t page_bytes_of_wal(const fs::path& wal) {
   constexpr std::size_t kPageBytesAt = 8;
-  std::array<unsigned char, 32> header{};
-  std::ifstream(wal, std::ios::binary).read(reinterpret_cast<char*>(header.data()), header.size());
-  std::uint32_t bytes = 0;
-  for (std::size_t i = 0; i < sizeof bytes; ++i) {
-    bytes = bytes << 8U | header[kPageBytesAt + i];
-  }
-  return bytes;
+  return word_in_header(wal, kPageBytesAt);
 }
 
 /// A copy with everything of the WAL in the file itself. SQLite does that page by page and needs no more than the
