@@ -46,7 +46,7 @@ class RobotCheck {
 
   CheckResult run() {
     TcpLink status(status_link_options(robot_, hint_));
-    for (const Source source : {Source::status, Source::io, Source::pose}) {
+    for (const Source source : {Source::status, Source::io, Source::pose, Source::ring}) {
       if (robot_.settings.period(source) > 0) {
         ask(status, source, robot_.settings.status.timeout_us, robot_.settings.status.spacing_us);
       } else if (source == Source::io) {
@@ -60,6 +60,10 @@ class RobotCheck {
         modbus_ = &modbus;
         ask(modbus, source, robot_.settings.modbus.timeout_us, robot_.settings.modbus.spacing_us);
       }
+    }
+    if (robot_.settings.period(Source::push) > 0) {
+      PushLink push(robot_.host, robot_.push_port);
+      ask(push, Source::push, std::max(robot_.settings.status.timeout_us, 3 * robot_.settings.period(Source::push)), 0);
     }
     return result_;
   }
@@ -92,9 +96,12 @@ class RobotCheck {
       last = std::move(result);
     }
     std::sort(rtt.begin(), rtt.end());
-    line(source, fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked every {}", last.body.size(),
-                             static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls,
-                             rates_text(robot_.settings.rates(source))));
+    const std::string rates = rates_text(robot_.settings.rates(source));
+    line(source,
+         source == Source::push
+             ? fmt::format("ok, {} B, expected every {} until the robot shows another pace", last.body.size(), rates)
+             : fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked every {}", last.body.size(),
+                           static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls, rates));
     if (!last.give_up.empty()) {
       ++result_.problems;
       more(last.give_up);

@@ -16,11 +16,12 @@ namespace tacho::recorder {
 namespace {
 
 /// Periods of sources that are off unless asked for, when they are only named.
-constexpr std::array kWhenNamed{std::pair{Source::io, Micros{500'000}}, std::pair{Source::pose, Micros{200'000}}};
+constexpr std::array kWhenNamed{std::pair{Source::io, Micros{500'000}}, std::pair{Source::pose, Micros{200'000}},
+                                std::pair{Source::push, Micros{500'000}}, std::pair{Source::ring, Micros{200'000}}};
 /// What registers mean is told by the inputs before them; readers look back this far.
 constexpr Micros kSlowestStandingInputs = 5'000'000;
-constexpr Micros kFastPose = 100'000;
-constexpr Micros kFastestPose = 50'000;
+constexpr Micros kFast = 100'000;
+constexpr Micros kFastest = 50'000;
 constexpr Micros kShortestPeriod = 10'000;
 constexpr Micros kLongestPeriod = 86'400'000'000;
 constexpr Micros kShortestTimeout = 20'000;
@@ -174,15 +175,24 @@ void check_rates(const RobotConfig& robot, Protocol protocol, Micros spacing_us,
   }
 }
 
-void check_pose(const RobotConfig& robot) {
-  const Micros fastest = robot.settings.rates(Source::pose).fastest();
+void check_fast(const RobotConfig& robot, Source source) {
+  const Micros fastest = robot.settings.rates(source).fastest();
   const bool allowed = robot.settings.status.allow_fast;
-  if (fastest > 0 && fastest < (allowed ? kFastestPose : kFastPose)) {
-    throw UsageError(named(robot),
-                     fmt::format("pose every {} is more often than {} Hz", rate_text(fastest), allowed ? 20 : 10),
-                     allowed ? "ask less often"
-                             : "ask less often, or set allow_fast = true in [status] for up to 20 Hz, which is more "
-                               "than the vendor advises");
+  if (fastest > 0 && fastest < (allowed ? kFastest : kFast)) {
+    throw UsageError(
+        named(robot),
+        fmt::format("{} every {} is more often than {} Hz", source_name(source), rate_text(fastest), allowed ? 20 : 10),
+        allowed ? "ask less often"
+                : "ask less often, or set allow_fast = true in [status] for up to 20 Hz, which is more "
+                  "than the vendor advises");
+  }
+}
+
+/// Sources that are not asked at times of our own choosing.
+void check_fixed(const RobotConfig& robot, Source source, std::string_view why) {
+  if (robot.settings.rates(source).varies()) {
+    throw UsageError(named(robot), fmt::format("{} has one period, whatever the robot is doing", source_name(source)),
+                     std::string(why));
   }
 }
 
@@ -218,6 +228,12 @@ Micros Settings::slowest_us() const {
     slowest = std::max(slowest, rates(source).slowest());
   }
   return slowest;
+}
+
+wire::StatusRequest Settings::ring_request() const {
+  wire::StatusRequest request = status.request;
+  request.return_laser = status.ring_laser;
+  return request;
 }
 
 bool Settings::rates_vary() const {
@@ -332,8 +348,8 @@ RobotConfig parse_robot(std::string_view text, const Settings& defaults) {
   const std::size_t equals = text.find('=');
   const std::vector<std::string> parts =
       split_address(equals == std::string_view::npos ? std::string_view() : text.substr(equals + 1));
-  if (equals == std::string_view::npos || equals == 0 || parts.front().empty() || parts.size() > 3) {
-    throw UsageError(what, "not of the form NAME=HOST[:STATUS_PORT[:MODBUS_PORT]]",
+  if (equals == std::string_view::npos || equals == 0 || parts.front().empty() || parts.size() > 4) {
+    throw UsageError(what, "not of the form NAME=HOST[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]]",
                      "for example --robot amr-1=192.168.192.5");
   }
   RobotConfig robot;
@@ -345,6 +361,9 @@ RobotConfig parse_robot(std::string_view text, const Settings& defaults) {
   }
   if (parts.size() > 2) {
     robot.modbus_port = parse_port(parts[2], what);
+  }
+  if (parts.size() > 3) {
+    robot.push_port = parse_port(parts[3], what);
   }
   return robot;
 }
@@ -407,7 +426,10 @@ void validate(const Config& config) {
     }
     check_rates(robot, Protocol::status_port, robot.settings.status.spacing_us, "status");
     check_rates(robot, Protocol::modbus, robot.settings.modbus.spacing_us, "modbus");
-    check_pose(robot);
+    check_fast(robot, Source::pose);
+    check_fast(robot, Source::ring);
+    check_fixed(robot, Source::push, "the robot decides when it pushes; give one period");
+    check_fixed(robot, Source::ring, "what happens next is not known; give one period");
     check_inputs(robot);
   }
 }

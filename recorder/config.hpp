@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "recorder/rates.hpp"
+#include "recorder/ring.hpp"
 #include "schema/error.hpp"
 #include "schema/records.hpp"
 #include "schema/store/retention.hpp"
@@ -28,7 +29,8 @@ struct StatusSettings {
   Micros spacing_us = 100'000;    ///< between requests on the connection; the vendor's advice is 100 to 200 ms
   std::uint8_t version = 1;       ///< header byte 1: 1 for RBK 3.4, 2 for RBK 3.5
   wire::StatusRequest request;    ///< parameters of request 1100
-  bool allow_fast = false;        ///< pose at more than 10 Hz, which is more than the vendor advises; 20 Hz at most
+  bool allow_fast = false;  ///< pose and ring at more than 10 Hz, which is more than the vendor advises; 20 Hz at most
+  bool ring_laser = false;  ///< lasers in the answers of the ring
 };
 
 struct ModbusSettings {
@@ -58,6 +60,8 @@ struct Settings {
   /// Of all sources that are recorded.
   [[nodiscard]] Micros slowest_us() const;
   [[nodiscard]] bool rates_vary() const;
+  /// As for status, but for the lasers.
+  [[nodiscard]] wire::StatusRequest ring_request() const;
 };
 
 struct RobotConfig {
@@ -65,6 +69,7 @@ struct RobotConfig {
   std::string host;  ///< address, or a name (looked up before each connection attempt)
   std::uint16_t status_port = 19204;
   std::uint16_t modbus_port = 502;
+  std::uint16_t push_port = 19301;
   Settings settings;
   std::string where;                          ///< "site.toml:12:1"; empty when it was a flag
   [[nodiscard]] std::string address() const;  ///< "host:status_port:modbus_port"
@@ -75,6 +80,7 @@ struct Config {
   Micros commit_us = 1'000'000;                     ///< at most this much is lost by a power cut; longer spares flash
   std::uint64_t part_bytes = 256u << 20;            ///< a part is closed when larger
   store::RetentionRules retention{0, 0, 1u << 30};  ///< what is removed from the log, and when
+  RingSettings ring;                                ///< of all robots that have the source `ring`
   std::string metrics;                              ///< "127.0.0.1:9460": numbers for Prometheus; empty: off
   Settings defaults;                                ///< of robots that say nothing else
   std::vector<RobotConfig> robots;
@@ -82,7 +88,7 @@ struct Config {
 
 /// What was given on the command line; unset members change nothing.
 struct Overrides {
-  std::vector<std::string> robots;  ///< NAME=HOST[:STATUS_PORT[:MODBUS_PORT]]
+  std::vector<std::string> robots;  ///< NAME=HOST[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]]
   std::optional<std::string> log;
   std::optional<std::string> periods;  ///< "status=1s,status.idle=5s,io=2Hz,inputs=off"
   std::optional<std::string> sources;  ///< "status,io": these and no others

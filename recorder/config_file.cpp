@@ -171,6 +171,7 @@ std::vector<Key> status_keys(StatusSettings& s) {
       {"return_laser", flag(s.request.return_laser)},
       {"return_beams3D", flag(s.request.return_beams3d)},
       {"return_mid360", flag(s.request.return_mid360)},
+      {"ring_laser", [&s](const toml::node& v, const std::string& what) { s.ring_laser = flag_of(v, what); }},
       {"allow_fast", [&s](const toml::node& v, const std::string& what) { s.allow_fast = flag_of(v, what); }},
       {"language", [&s](const toml::node& v, const std::string& what) { s.request.language = text_of(v, what); }},
   };
@@ -215,6 +216,28 @@ std::vector<Key> retention_keys(store::RetentionRules& rules) {
   };
 }
 
+std::vector<Key> ring_keys(RingSettings& ring) {
+  const auto length = [](Micros& out) {
+    return [&out](const toml::node& v, const std::string& what) {
+      out = parse_length(text_of(v, what), what, 1'000'000, kHour);
+    };
+  };
+  const auto size = [](std::uint64_t& out) {
+    return [&out](const toml::node& v, const std::string& what) { out = parse_size(text_of(v, what), what); };
+  };
+  return {{"before", length(ring.before_us)},
+          {"after", length(ring.after_us)},
+          {"budget", size(ring.budget_bytes)},
+          {"per_day", size(ring.day_bytes)}};
+}
+
+toml::table to_table(const RingSettings& ring) {
+  return toml::table{{"before", fmt::format("{}us", ring.before_us)},
+                     {"after", fmt::format("{}us", ring.after_us)},
+                     {"budget", fmt::format("{}KB", ring.budget_bytes / 1024)},
+                     {"per_day", fmt::format("{}KB", ring.day_bytes / 1024)}};
+}
+
 toml::table to_table(const store::RetentionRules& rules) {
   const auto limit = [](std::uint64_t bytes) { return bytes == 0 ? "off" : fmt::format("{}KB", bytes / 1024); };
   return toml::table{{"age", rules.age_us == 0 ? "off" : fmt::format("{}us", rules.age_us)},
@@ -232,6 +255,8 @@ RobotConfig read_robot(const Reader& reader, const toml::table& table, const Set
       {"status_port", [&](const toml::node& v, const std::string& what) { robot.status_port = port_of(v, what); }});
   keys.push_back(
       {"modbus_port", [&](const toml::node& v, const std::string& what) { robot.modbus_port = port_of(v, what); }});
+  keys.push_back(
+      {"push_port", [&](const toml::node& v, const std::string& what) { robot.push_port = port_of(v, what); }});
   reader.table(table, "[[robot]]", keys);
   robot.where = reader.at(table.source());
   if (robot.name.empty() || robot.host.empty()) {
@@ -259,7 +284,8 @@ void append_settings(const Settings& s, toml::table& out) {
   toml::table status{{"timeout", text(s.status.timeout_us)},
                      {"spacing", text(s.status.spacing_us)},
                      {"version", std::int64_t{s.status.version}},
-                     {"allow_fast", s.status.allow_fast}};
+                     {"allow_fast", s.status.allow_fast},
+                     {"ring_laser", s.status.ring_laser}};
   const wire::StatusRequest& request = s.status.request;
   toml::array keys;
   for (const std::string& key : request.keys) {
@@ -331,6 +357,9 @@ Config parse_config(std::string_view toml, const std::string& file_name) {
   keys.push_back({"retention", [&](const toml::node& v, const std::string& what) {
                     reader.table(table_of(v, what), "[retention]", retention_keys(config.retention));
                   }});
+  keys.push_back({"ring", [&](const toml::node& v, const std::string& what) {
+                    reader.table(table_of(v, what), "[ring]", ring_keys(config.ring));
+                  }});
   const toml::array* robots = nullptr;
   keys.push_back({"robot", [&](const toml::node& v, const std::string& what) {
                     robots = v.as_array();
@@ -368,14 +397,16 @@ std::string to_toml(const Config& config) {
                    {"commit", fmt::format("{}us", config.commit_us)},
                    {"part_size", fmt::format("{}KB", config.part_bytes / 1024)},
                    {"metrics", config.metrics.empty() ? "off" : config.metrics},
-                   {"retention", to_table(config.retention)}};
+                   {"retention", to_table(config.retention)},
+                   {"ring", to_table(config.ring)}};
   append_settings(config.defaults, root);
   toml::array robots;
   for (const RobotConfig& robot : config.robots) {
     toml::table item{{"name", robot.name},
                      {"host", robot.host},
                      {"status_port", std::int64_t{robot.status_port}},
-                     {"modbus_port", std::int64_t{robot.modbus_port}}};
+                     {"modbus_port", std::int64_t{robot.modbus_port}},
+                     {"push_port", std::int64_t{robot.push_port}}};
     append_settings(robot.settings, item);
     robots.push_back(item);
   }

@@ -109,6 +109,9 @@ std::string summary_text(const std::vector<SourceSummary>& rows) {
             fmt::format("{}{} {}", causes.empty() ? "  " : ", ", cause_name(static_cast<Cause>(c)), row.missed[c]);
       }
     }
+    if (row.aged_out > 0) {
+      causes += fmt::format("{}{} aged out: nothing happened", causes.empty() ? "  " : ", ", row.aged_out);
+    }
     if (row.partial > 0) {
       causes += fmt::format("{}{} stored in part", causes.empty() ? "  " : ", ", row.partial);
     }

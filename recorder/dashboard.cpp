@@ -19,15 +19,19 @@ constexpr std::size_t kLongestName = 20;
 /// One robot, all its sources together.
 struct Row {
   std::string name;
-  std::optional<bool> status_port;  // empty: not asked
-  std::optional<bool> modbus;
+  std::array<std::optional<bool>, kProtocolCount> up;  // by Protocol; empty: not asked
   std::uint64_t stored = 0;
   std::uint64_t missed = 0;
   std::array<std::uint64_t, kCauseCount> causes{};
   Micros slowest_us = 0;  // of the newest round trips
   Micros age_us = -1;     // of its newest answer; -1: none
   std::optional<Micros> clock_us;
-  [[nodiscard]] bool trouble() const { return !status_port.value_or(true) || !modbus.value_or(true); }
+  [[nodiscard]] const std::optional<bool>& link(Protocol protocol) const {
+    return up[static_cast<std::size_t>(protocol)];
+  }
+  [[nodiscard]] bool trouble() const {
+    return std::any_of(up.begin(), up.end(), [](const std::optional<bool>& link) { return !link.value_or(true); });
+  }
 };
 
 std::vector<Row> rows_of(const Snapshot& snapshot) {
@@ -41,7 +45,7 @@ std::vector<Row> rows_of(const Snapshot& snapshot) {
     return rows.back();
   };
   for (const LinkNow& link : snapshot.links) {
-    (link.protocol == Protocol::modbus ? row(link.robot).modbus : row(link.robot).status_port) = link.up;
+    row(link.robot).up[static_cast<std::size_t>(link.protocol)] = link.up;
   }
   for (const StreamNow& stream : snapshot.streams) {
     if (stream.period_us == 0) {
@@ -74,7 +78,7 @@ std::string cause_text(const Row& row) {
   return *most == 0 ? "" : std::string(cause_name(static_cast<Cause>(most - row.causes.begin())));
 }
 
-struct Column {
+struct ScreenColumn {
   std::string_view title;
   std::size_t width;
   bool right;  ///< aligned
@@ -83,45 +87,46 @@ struct Column {
 };
 // clang-format off
 constexpr std::array kColumns{
-    Column{"robot", 0, false, 0, [](const Row& r) { return r.name; }},  // as wide as the longest
-    Column{"status", 6, false, 1, [](const Row& r) { return link_text(r.status_port); }},
-    Column{"modbus", 6, false, 2, [](const Row& r) { return link_text(r.modbus); }},
-    Column{"last answer", 12, true, 4,
+    ScreenColumn{"robot", 0, false, 0, [](const Row& r) { return r.name; }},  // as wide as the longest
+    ScreenColumn{"status", 6, false, 1, [](const Row& r) { return link_text(r.link(Protocol::status_port)); }},
+    ScreenColumn{"modbus", 6, false, 2, [](const Row& r) { return link_text(r.link(Protocol::modbus)); }},
+    ScreenColumn{"push", 6, false, 9, [](const Row& r) { return link_text(r.link(Protocol::push_port)); }},
+    ScreenColumn{"last answer", 12, true, 4,
            [](const Row& r) {
              return r.age_us < 0 ? "never" : r.age_us < 60'000'000 ? seconds_text(r.age_us) : duration_text(r.age_us / 1'000'000 * 1'000'000);
            }},
-    Column{"stored", 10, true, 5, [](const Row& r) { return fmt::format("{}", r.stored); }},
-    Column{"missed", 8, true, 3, [](const Row& r) { return fmt::format("{}", r.missed); }},
-    Column{"slowest", 10, true, 6,
+    ScreenColumn{"stored", 10, true, 5, [](const Row& r) { return fmt::format("{}", r.stored); }},
+    ScreenColumn{"missed", 8, true, 3, [](const Row& r) { return fmt::format("{}", r.missed); }},
+    ScreenColumn{"slowest", 10, true, 6,
            [](const Row& r) { return r.slowest_us == 0 ? "" : fmt::format("{:.1f} ms", static_cast<double>(r.slowest_us) / 1e3); }},
-    Column{"clock", 10, true, 7,
+    ScreenColumn{"clock", 10, true, 7,
            [](const Row& r) { return r.clock_us ? fmt::format("{:+.2f} s", static_cast<double>(*r.clock_us) / 1e6) : ""; }},
-    Column{"missed by", 16, false, 8, cause_text},
+    ScreenColumn{"missed by", 16, false, 8, cause_text},
 };
 // clang-format on
 
 /// The columns that fit, in their order.
-std::vector<Column> columns_for(std::size_t room, std::size_t name_width) {
-  std::vector<Column> columns(kColumns.begin(), kColumns.end());
+std::vector<ScreenColumn> columns_for(std::size_t room, std::size_t name_width) {
+  std::vector<ScreenColumn> columns(kColumns.begin(), kColumns.end());
   columns.front().width = std::min(name_width, room);
   const auto width = [&] {
     std::size_t sum = 0;
-    for (const Column& column : columns) {
+    for (const ScreenColumn& column : columns) {
       sum += column.width + kGap;
     }
     return sum - kGap;
   };
   while (columns.size() > 1 && width() > room) {
     columns.erase(std::max_element(columns.begin(), columns.end(),
-                                   [](const Column& a, const Column& b) { return a.rank < b.rank; }));
+                                   [](const ScreenColumn& a, const ScreenColumn& b) { return a.rank < b.rank; }));
   }
   return columns;
 }
 
 template <class Text>
-std::string line_of(const std::vector<Column>& columns, const Text& text) {
+std::string line_of(const std::vector<ScreenColumn>& columns, const Text& text) {
   std::string out;
-  for (const Column& column : columns) {
+  for (const ScreenColumn& column : columns) {
     const std::string cell = text(column);
     const std::size_t pad = column.width - std::min(column.width, shown_width(cell));
     out += out.empty() ? "" : std::string(kGap, ' ');
@@ -192,15 +197,15 @@ std::vector<std::string> dashboard(const Snapshot& snapshot, Screen screen) {
   for (const Row& row : rows) {
     name_width = std::max(name_width, std::min(kLongestName, shown_width(row.name)));
   }
-  const std::vector<Column> columns = columns_for(screen.columns, name_width);
-  lines.push_back(line_of(columns, [](const Column& column) { return std::string(column.title); }));
+  const std::vector<ScreenColumn> columns = columns_for(screen.columns, name_width);
+  lines.push_back(line_of(columns, [](const ScreenColumn& column) { return std::string(column.title); }));
   std::size_t count = rows.size();
   if (count > room - 2) {
     std::stable_partition(rows.begin(), rows.end(), [](const Row& row) { return row.trouble(); });
     count = room - 3;
   }
   for (std::size_t i = 0; i < count; ++i) {
-    lines.push_back(line_of(columns, [&](const Column& column) { return column.text(rows[i]); }));
+    lines.push_back(line_of(columns, [&](const ScreenColumn& column) { return column.text(rows[i]); }));
   }
   if (count < rows.size()) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(count);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr Micros kRobotStagger = 13'000;  // first polls of robots are this far apart, so that they do not burst
 
-constexpr std::array kConnections{Protocol::status_port, Protocol::modbus};
+constexpr std::array kConnections{Protocol::status_port, Protocol::modbus, Protocol::push_port};
 
 /// The sources of one connection, shifted against each other and against other robots.
 std::vector<PolledSource> polled(const RobotConfig& robot, std::size_t robot_index, Protocol protocol) {
@@ -40,6 +40,9 @@ std::unique_ptr<Link> make_link(const RobotConfig& robot, Protocol protocol,
     options.memory = memory;
     return std::make_unique<ModbusLink>(std::move(options));
   }
+  if (protocol == Protocol::push_port) {
+    return std::make_unique<PushLink>(robot.host, robot.push_port);
+  }
   return std::make_unique<TcpLink>(status_link_options(robot, hint));
 }
 
@@ -51,6 +54,7 @@ TcpLinkOptions status_link_options(const RobotConfig& robot, std::shared_ptr<Sta
   options.port = robot.status_port;
   options.version = robot.settings.status.version;
   options.status_body = wire::status_request_body(robot.settings.status.request);
+  options.ring_body = wire::status_request_body(robot.settings.ring_request());
   options.hint = std::move(hint);
   return options;
 }

@@ -20,6 +20,7 @@
 #include "recorder/health.hpp"
 #include "recorder/link/link_memory.hpp"
 #include "recorder/link/modbus_link.hpp"
+#include "recorder/link/push_link.hpp"
 #include "recorder/link/tcp_link.hpp"
 #include "recorder/poller.hpp"
 #include "recorder/snapshot.hpp"

@@ -220,7 +220,8 @@ LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
   for (StreamStatus& stream : out.streams) {
     const Micros commit_us = config ? config->commit_us : 0;
     const Micros due_us = std::max(stream.last_answer_us, out.session.t_start_us) + 3 * stream.period_us + commit_us;
-    stream.late = stream.period_us > 0 && out.alive() && now_us > due_us + kPatience;
+    const bool always = stream.source != Source::ring;  // of which nothing comes while nothing happens
+    stream.late = always && stream.period_us > 0 && out.alive() && now_us > due_us + kPatience;
   }
   for (const ReadProblem& problem : log->problems()) {
     out.problems.push_back(problem.where + " " + problem.what);

@@ -16,6 +16,12 @@ namespace {
 constexpr int kAnswersBeforeIoNotice = 5;
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
+/// An answer, gap or event of the ring.
+template <class Row>
+bool of_ring(const Row& row) {
+  return row.source == Source::ring;
+}
+
 std::string_view connection_name(Source source) { return protocol_name(source_info(source).protocol); }
 
 }  // namespace
@@ -24,7 +30,15 @@ LogThread::LogThread(store::LogWriter& writer, Ingest& ingest, Options options)
     : writer_(writer),
       ingest_(ingest),
       options_(std::move(options)),
-      queue_(options_.queue_items, options_.queue_bytes) {}
+      queue_(options_.queue_items, options_.queue_bytes),
+      ring_(
+          options_.ring, [this](const Ring::Row& row) { write_ring(row); },
+          [this](const Event& event) {
+            attempt([&] { ingest_.add(event); });
+            tell(event);
+          }) {
+  ingest_.on_event([this](const Event& event) { look_at(event); });
+}
 
 void LogThread::watch(RobotId robot, const std::string& name, const RobotConfig& config) {
   const bool expects_io = config.settings.period(Source::io) == 0 && config.settings.status.request.keys.empty();
@@ -105,7 +119,7 @@ void LogThread::run() {
     while (open) {
       busy_since_us_ = 0;
       open = queue_.pop_all(items, next_commit);
-      for (const Item& item : items) {
+      for (Item& item : items) {
         busy_since_us_ = mono_now_us();
         write(item);
       }
@@ -115,7 +129,8 @@ void LogThread::run() {
         next_commit = std::chrono::steady_clock::now() + options_.commit_interval;
       }
     }
-    options_.planned(writer_);
+    ring_.end();
+    plan();
     writer_.end_session(wall_now_us(), clean_);
     publish();
   } catch (...) {
@@ -142,7 +157,7 @@ void LogThread::attempt(Work work) {
 void LogThread::commit() {
   const std::uint64_t commits = writer_.stats().commits;
   attempt([this] {
-    options_.planned(writer_);
+    plan();
     writer_.commit();
   });
   if (disk_fails_ && writer_.stats().commits > commits) {
@@ -164,7 +179,9 @@ void LogThread::publish() {
   numbers_.writer = now;
   for (auto& [key, stream] : numbers_.streams) {
     stream.tally = writer_.tally(key.first, key.second);
+    stream.aged_out = key.second == Source::ring ? ring_.counts(key.first).aged_out : 0;
   }
+  numbers_.ring_bytes = ring_.bytes();
 }
 
 void LogThread::foretell() {
@@ -178,38 +195,102 @@ void LogThread::foretell() {
   }
 }
 
-/// Counts what the answers themselves do not say: how long they took, and how far the robot's clock is off.
-void LogThread::measure(const Answer& answer) {
-  constexpr FieldIndex kCreateOn = field("create_on");
-  const AnswerMeta& meta = answer.meta;
-  const Sample& sample = ingest_.last();
-  std::optional<Micros> robot_us;
-  if (sample.at(kCreateOn).has()) {
-    robot_us = parse_time(sample.text(kCreateOn), "UTC");
-  }
+/// Counts what the answers themselves do not say: how long they took.
+void LogThread::measure(const AnswerMeta& meta) {
   const std::lock_guard lock(numbers_mutex_);
   StreamNumbers& stream = numbers_.streams[{meta.robot, meta.source}];
-  stream.last_round_trip_us = meta.t_recv_us - meta.t_send_us;
   stream.last_answer_us = meta.t_recv_us;
-  stream.round_trip.add(stream.last_round_trip_us);
-  if (robot_us) {
+  if (source_info(meta.source).protocol != Protocol::push_port) {  // nobody asked, so nobody waited
+    stream.last_round_trip_us = meta.t_recv_us - meta.t_send_us;
+    stream.round_trip.add(stream.last_round_trip_us);
+  }
+}
+
+/// How far the robot's clock is off, from the answer that was written last.
+void LogThread::learn_clock(const AnswerMeta& meta) {
+  constexpr FieldIndex kCreateOn = field("create_on");
+  const Sample& sample = ingest_.last();
+  if (!sample.at(kCreateOn).has()) {
+    return;
+  }
+  if (const std::optional<Micros> robot_us = parse_time(sample.text(kCreateOn), "UTC")) {
+    const std::lock_guard lock(numbers_mutex_);
     numbers_.clock_offset_us[meta.robot] = *robot_us - meta.t_mid_us();
   }
 }
 
-void LogThread::write(const Item& item) {
+/// What has been planned; of the ring, what has been written of it.
+void LogThread::plan() {
+  options_.planned(writer_);
+  for (const auto& [key, stream] : numbers_.streams) {
+    if (key.second == Source::ring) {
+      writer_.planned(key.first, Source::ring, ring_.counts(key.first).written);
+    }
+  }
+}
+
+void LogThread::write_ring(const Ring::Row& row) {
+  if (row.gap) {
+    attempt([&] { ingest_.add(*row.gap); });
+  }
+  if (row.answer) {
+    attempt([&] { ingest_.append(*row.answer); });
+  }
+}
+
+void LogThread::look_at(const Event& event) {
+  if (std::string why = ring_trigger(event); !why.empty()) {
+    triggered_.emplace_back(event, std::move(why));
+  }
+}
+
+/// True when it belongs to the ring and is taken care of.
+bool LogThread::keep(Item& item) {
+  if (auto* stored = std::get_if<Stored>(&item); stored != nullptr && of_ring(stored->answer.meta)) {
+    const AnswerMeta meta = stored->answer.meta;
+    measure(meta);
+    ring_.add(meta.robot, {std::move(stored->before), std::move(stored->answer)}, mono_now_us());
+    return true;
+  }
+  if (const auto* gap = std::get_if<Gap>(&item); gap != nullptr && of_ring(*gap)) {
+    Gap missed = *gap;
+    if (missed.seq_count > 0) {
+      ring_.add(missed.robot, {missed, std::nullopt}, mono_now_us());
+    } else {
+      missed.seq_from = ring_.counts(missed.robot).written;
+      attempt([&] { ingest_.add(missed); });
+    }
+    return true;
+  }
+  return false;
+}
+
+void LogThread::write(Item& item) {
+  if (!keep(item)) {
+    write_row(item);
+  }
+  for (const auto& [event, why] : std::exchange(triggered_, {})) {
+    ring_.trigger(event, why, mono_now_us());
+  }
+}
+
+void LogThread::write_row(const Item& item) {
   if (const auto* stored = std::get_if<Stored>(&item)) {
     if (stored->before) {
       attempt([&] { ingest_.add(*stored->before); });
     }
     attempt([&] { ingest_.append(stored->answer); });
-    measure(stored->answer);
+    measure(stored->answer.meta);
+    learn_clock(stored->answer.meta);
     look_for_io(stored->answer);
   } else if (const auto* gap = std::get_if<Gap>(&item)) {
     attempt([&] { ingest_.add(*gap); });
   } else if (const auto* event = std::get_if<Event>(&item)) {
-    attempt([&] { ingest_.add(*event); });
-    tell(*event);
+    Event told = *event;
+    told.seq = of_ring(told) ? ring_.counts(told.robot).written : told.seq;
+    attempt([&] { ingest_.add(told); });
+    tell(told);
+    look_at(told);
   } else if (const auto* found = std::get_if<OrderFound>(&item)) {
     attempt([&] { ingest_.set_word_order(found->robot, found->source, found->order); });
   } else if (const auto* task = std::get_if<Task>(&item)) {
@@ -246,6 +327,9 @@ void LogThread::tell(const Event& event) {
     case EventKind::client_limit:
     case EventKind::no_sequence_echo:
       options_.notice(fmt::format("{}: {}: {}", robot, source_name(event.source), event.detail));
+      break;
+    case EventKind::ring_kept:
+      options_.notice(fmt::format("{}: {}: {}", robot, event.subject, event.detail));
       break;
     case EventKind::identity_changed:
       options_.notice(

@@ -21,6 +21,7 @@
 #include "recorder/config.hpp"
 #include "recorder/poller.hpp"
 #include "recorder/queue.hpp"
+#include "recorder/ring.hpp"
 #include "recorder/snapshot.hpp"
 #include "schema/log.hpp"
 
@@ -36,6 +37,7 @@ class LogThread final : public Sink {
     std::function<void(store::LogWriter&)> planned;
     std::function<void(const std::string&)> notice;
     store::Forecast forecast;  ///< as of the start
+    RingSettings ring;
   };
 
   /// `writer` has begun its session; it belongs to the thread until finish() returns.
@@ -66,8 +68,10 @@ class LogThread final : public Sink {
     Histogram round_trip;
     Micros last_round_trip_us = 0;
     Micros last_answer_us = 0;
+    std::uint64_t aged_out = 0;  ///< polls of the ring that nothing happened after
   };
   struct Numbers {
+    std::size_t ring_bytes = 0;
     std::size_t queue_items = 0;
     std::size_t queue_bytes = 0;
     store::LogWriter::Stats writer;  ///< as committed
@@ -99,9 +103,15 @@ class LogThread final : public Sink {
   void run();
   template <class Work>
   void attempt(Work work);
-  void write(const Item& item);
+  void write(Item& item);
+  void write_row(const Item& item);
+  void write_ring(const Ring::Row& row);
+  void look_at(const Event& event);
+  bool keep(Item& item);
+  void plan();
   void commit();
-  void measure(const Answer& answer);
+  void measure(const AnswerMeta& meta);
+  void learn_clock(const AnswerMeta& meta);
   void publish();
   void foretell();
   void look_for_io(const Answer& answer);
@@ -111,6 +121,8 @@ class LogThread final : public Sink {
   Ingest& ingest_;
   Options options_;
   Queue<Item> queue_;
+  Ring ring_;
+  std::vector<std::pair<Event, std::string>> triggered_;  // by the row that is being written
   std::map<RobotId, Watched> watched_;
   std::exception_ptr error_;  // written by the thread, read after join
   bool clean_ = false;        // written before the queue is closed, read after

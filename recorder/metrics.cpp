@@ -1,4 +1,5 @@
 #include "recorder/metrics.hpp"
+#include "schema/time.hpp"
 
 #include <fmt/format.h>
 
@@ -12,8 +13,6 @@ namespace tacho::recorder {
 namespace {
 
 using Labels = std::initializer_list<std::pair<std::string_view, std::string_view>>;
-
-double seconds(Micros us) { return static_cast<double>(us) / 1e6; }
 
 /// Backslash, quote and line feed are the three characters the format knows an escape for.
 std::string escaped(std::string_view value) {
@@ -38,7 +37,7 @@ class Lines {
     for (std::size_t i = 0; i < histogram.buckets.size(); ++i) {
       below += histogram.buckets[i];
       const bool last = i == Histogram::kBounds.size();
-      bucket(robot, source, last ? "+Inf" : number(seconds(Histogram::kBounds[i])), below);
+      bucket(robot, source, last ? "+Inf" : number(to_seconds(Histogram::kBounds[i])), below);
     }
     end_of(robot, source, histogram);
   }
@@ -56,7 +55,7 @@ class Lines {
     }
   }
   void end_of(std::string_view robot, Source source, const Histogram& histogram) {
-    for (const auto& [suffix, value] : {std::pair{"_sum", number(seconds(histogram.sum_us))},
+    for (const auto& [suffix, value] : {std::pair{"_sum", number(to_seconds(histogram.sum_us))},
                                         std::pair{"_count", fmt::format("{}", histogram.count)}}) {
       if (robot.empty()) {
         line(suffix, {}, value);
@@ -97,10 +96,18 @@ void missed(const Snapshot& s, Lines& out) {
   }
 }
 
+void aged_out(const Snapshot& s, Lines& out) {
+  for (const StreamNow& stream : s.streams) {
+    if (stream.source == Source::ring) {
+      out.add({{"robot", stream.robot}}, stream.aged_out);
+    }
+  }
+}
+
 void last_answer(const Snapshot& s, Lines& out) {
   for (const StreamNow& stream : s.streams) {
     if (stream.last_answer_us > 0) {
-      out.add({{"robot", stream.robot}, {"source", source_name(stream.source)}}, seconds(stream.last_answer_us));
+      out.add({{"robot", stream.robot}, {"source", source_name(stream.source)}}, to_seconds(stream.last_answer_us));
     }
   }
 }
@@ -113,14 +120,15 @@ void round_trip(const Snapshot& s, Lines& out) {
 
 void link_up(const Snapshot& s, Lines& out) {
   for (const LinkNow& link : s.links) {
-    const std::string_view protocol = link.protocol == Protocol::modbus ? "modbus" : "status_port";
+    std::string protocol(protocol_name(link.protocol));
+    std::replace(protocol.begin(), protocol.end(), ' ', '_');
     out.add({{"robot", link.robot}, {"protocol", protocol}}, std::uint64_t{link.up ? 1U : 0U});
   }
 }
 
 void clock_offset(const Snapshot& s, Lines& out) {
   for (const auto& [robot, offset_us] : s.clock_offset_us) {
-    out.add({{"robot", robot}}, seconds(offset_us));
+    out.add({{"robot", robot}}, to_seconds(offset_us));
   }
 }
 
@@ -141,7 +149,7 @@ constexpr std::array kMetrics{
     Metric{{"tachograph_build_info", "gauge", "Version of the recorder; the value is always 1"},
            [](const Snapshot&, Lines& out) { out.add({{"version", TACHO_VERSION}}, std::uint64_t{1}); }},
     Metric{{"tachograph_session_start_time_seconds", "gauge", "When this recording began, as Unix time"},
-           [](const Snapshot& s, Lines& out) { out.add({}, seconds(s.since_us)); }},
+           [](const Snapshot& s, Lines& out) { out.add({}, to_seconds(s.since_us)); }},
     Metric{{"tachograph_polls_planned_total", "counter", "Polls that were due"},
            [](const Snapshot& s, Lines& out) { per_stream(s, out, [](const StreamNow& n) { return n.planned; }); }},
     Metric{{"tachograph_polls_stored_total", "counter", "Polls whose answer is committed to the log"},
@@ -150,9 +158,13 @@ constexpr std::array kMetrics{
            [](const Snapshot& s, Lines& out) { per_stream(s, out, [](const StreamNow& n) { return n.partial; }); }},
     Metric{{"tachograph_polls_missed_total", "counter", "Polls without an answer by cause; only causes that occurred"},
            missed},
+    Metric{{"tachograph_ring_aged_out_total", "counter", "Polls of the ring that were not written: nothing happened"},
+           aged_out},
+    Metric{{"tachograph_ring_bytes", "gauge", "Memory that the rings hold"},
+           [](const Snapshot& s, Lines& out) { out.add({}, std::uint64_t{s.ring_bytes}); }},
     Metric{{"tachograph_poll_period_seconds", "gauge", "How often the source is asked; 0 when it no longer is"},
            [](const Snapshot& s, Lines& out) {
-             per_stream(s, out, [](const StreamNow& n) { return seconds(n.period_us); });
+             per_stream(s, out, [](const StreamNow& n) { return to_seconds(n.period_us); });
            }},
     Metric{{"tachograph_last_answer_time_seconds", "gauge", "When the newest answer arrived, as Unix time"},
            last_answer},

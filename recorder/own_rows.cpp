@@ -32,6 +32,8 @@ Stream stream_of(const RobotConfig& robot, const StreamPoll& first) {
     stream.request = wire::status_request_body(robot.settings.status.request);
   } else if (first.source == Source::pose) {
     stream.request = wire::pose_request_body();
+  } else if (first.source == Source::ring) {
+    stream.request = wire::status_request_body(robot.settings.ring_request());
   } else if (source_info(first.source).protocol == Protocol::modbus) {
     stream.request = wire::to_text(RegisterPlan(first.source == Source::inputs).ranges());
   }

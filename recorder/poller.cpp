@@ -23,6 +23,9 @@ Poller::Poller(PollerOptions options, std::unique_ptr<Link> link, Clock& clock, 
     lanes_.back()->plan = plan;
     lanes_.back()->counters.planned = plan.first_seq;
     lanes_.back()->counters.period_us = plan.rates.fastest();
+    if (source_info(plan.source).protocol == Protocol::push_port) {
+      lanes_.back()->pace.emplace(plan.rates.fastest());
+    }
   }
 }
 
@@ -44,14 +47,17 @@ void Poller::run(Micros start_us, Micros end_us) {
     stream.robot = options_.robot;
     stream.session = options_.session;
     stream.source = lane->plan.source;
-    lane->schedule.emplace(start_us + lane->plan.phase_us, lane->plan.rates.fastest(), lane->plan.first_seq);
+    const Micros first_us = lane->pace ? lane->plan.rates.fastest() : lane->plan.phase_us;
+    lane->schedule.emplace(start_us + first_us, lane->plan.rates.fastest(), lane->plan.first_seq);
     lane->gaps.emplace(stream, options_.gap_flush_us, [this](const Gap& gap) { sink_.gap(gap); });
   }
   while (!lanes_.empty()) {
     adapt();
     Lane* const lane = next_lane();
     // Without a lane the connection is held all the same: some robots stop when their last client goes.
-    const Micros due_us = lane == nullptr ? end_us : lane->schedule->next_due_us();
+    const Micros due_us = lane == nullptr ? end_us
+                          : lane->pace    ? std::max(outage_ ? outage_->retry_us : start_us, clock_.mono_us())
+                                          : lane->schedule->next_due_us();
     // While the link is down nothing is sent, so nothing needs to keep a distance.
     const bool waiting = outage_ && due_us < outage_->retry_us;
     const Micros wake_us = waiting ? due_us : std::max(due_us, not_before_us_);
@@ -88,7 +94,7 @@ void Poller::adapt() {
   const Activities possible = options_.watch->possible(now_us);
   for (const auto& lane : lanes_) {
     const Micros period_us = lane->plan.rates.in(possible);
-    if (!lane->given_up && period_us != lane->schedule->period_us()) {
+    if (!lane->given_up && !lane->pace && period_us != lane->schedule->period_us()) {
       const std::uint64_t first = lane->schedule->change_period(period_us, now_us);
       const std::string doing = activities_text(possible);
       emit_rate(*lane, first, period_us, doing,
@@ -110,6 +116,10 @@ void Poller::emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const st
 }
 
 void Poller::serve(Lane& lane, Micros now_us) {
+  if (lane.pace) {
+    listen(lane);
+    return;
+  }
   if (outage_ && now_us < outage_->retry_us) {
     miss(lane, 1 + lane.schedule->overrun(now_us), outage_->cause, outage_->detail);
     return;
@@ -125,10 +135,10 @@ void Poller::serve(Lane& lane, Micros now_us) {
   poll(lane);
 }
 
-void Poller::poll(Lane& lane) {
+/// Polls the link, and tells what it noticed.
+PollResult Poller::ask(Lane& lane, std::uint64_t seq) {
   asked_us_ = clock_.mono_us();
   not_before_us_ = asked_us_ + options_.spacing_us;
-  const std::uint64_t seq = lane.schedule->next();
   PollResult result = link_->poll(lane.plan.source, options_.timeout);
   if (!result.ok && clock_.stopped_at()) {
     result.cause = Cause::shutdown;
@@ -140,6 +150,35 @@ void Poller::poll(Lane& lane) {
   for (const LinkNote& note : result.notes) {
     emit(lane, seq, note);
   }
+  return result;
+}
+
+void Poller::listen(Lane& lane) {
+  const std::string lost_by = outage_ ? outage_->detail : "fewer pushes came than before";
+  const Cause cause = outage_ ? outage_->cause : Cause::timeout;
+  PollResult result = ask(lane, lane.schedule->next());
+  const Micros now_us = clock_.mono_us();
+  const std::uint64_t next = lane.schedule->next();
+  const Micros overdue_us = now_us - lane.pace->period_us() / 2;
+  const std::uint64_t late = std::max(lane.schedule->planned_before(overdue_us), next) - next;
+  if (!result.ok) {
+    miss(lane, late, result.cause, result.detail);
+    if (outage_) {
+      lane.pace->interrupt();
+    }
+    return;
+  }
+  miss(lane, late, cause, lost_by);
+  store(lane, lane.schedule->next(), std::move(result));
+  if (const std::optional<Micros> found = lane.pace->hear(now_us)) {
+    emit_rate(lane, lane.schedule->next(), *found, "found", "this is how often the robot pushes");
+  }
+  lane.schedule->restart(now_us + lane.pace->period_us(), lane.pace->period_us());
+}
+
+void Poller::poll(Lane& lane) {
+  const std::uint64_t seq = lane.schedule->next();
+  PollResult result = ask(lane, seq);
   const std::string unwanted = std::exchange(result.give_up, {});
   if (result.ok) {
     store(lane, seq, std::move(result));

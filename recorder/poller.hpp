@@ -1,6 +1,10 @@
 #pragma once
 // One thread per robot and protocol: asks the sources of one connection when they are due, and accounts for every poll
 // that was planned. stored + missed = planned holds per source when run() has returned.
+//
+// What a robot pushes is listened to instead: each push is due one period after the one before it, and what has not
+// come half a period after it was due is missed. The period is that of the configuration until five pushes have told
+// another (Pace).
 
 #include <array>
 #include <atomic>
@@ -15,6 +19,7 @@
 #include "recorder/clock.hpp"
 #include "recorder/gap_tracker.hpp"
 #include "recorder/link/link.hpp"
+#include "recorder/pace.hpp"
 #include "recorder/rates.hpp"
 #include "recorder/robot_watch.hpp"
 #include "recorder/schedule.hpp"
@@ -88,6 +93,7 @@ class Poller {
     std::optional<GapTracker> gaps;
     SourceCounters counters;
     bool given_up = false;
+    std::optional<Pace> pace;  ///< set: it is listened to
   };
   struct Outage {
     Cause cause = Cause::timeout;
@@ -102,6 +108,8 @@ class Poller {
   void emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const std::string& subject, const std::string& why);
   void serve(Lane& lane, Micros now_us);
   void poll(Lane& lane);
+  void listen(Lane& lane);
+  PollResult ask(Lane& lane, std::uint64_t seq);
   void store(Lane& lane, std::uint64_t seq, PollResult result);
   void miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail);
   void judge_link(const Lane& lane, std::uint64_t seq, const PollResult& result);

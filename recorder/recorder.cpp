@@ -94,6 +94,7 @@ struct Recorder::Impl {
     };
     out.notice = options.notice;
     out.forecast = writer.forecast();
+    out.ring = config.ring;
     outlook = {store::rules_text(config.retention), store::forecast_text(out.forecast, config.retention)};
     log = std::make_unique<LogThread>(writer, ingest, std::move(out));
   }
@@ -218,7 +219,9 @@ struct Recorder::Impl {
 
   void hand_over_planned(store::LogWriter& w) const {
     for (const Fleet::StreamCounts& stream : fleet->streams()) {
-      w.planned(stream.id, stream.source, stream.planned);
+      if (stream.source != Source::ring) {  // of which the log has the polls that were written
+        w.planned(stream.id, stream.source, stream.planned);
+      }
     }
   }
 
@@ -299,7 +302,10 @@ struct Recorder::Impl {
     std::vector<SourceSummary> out;
     for (const Fleet::StreamCounts& stream : fleet->streams()) {
       const store::LogWriter::Tally tally = writer.tally(stream.id, stream.source);
-      out.push_back({stream.robot, stream.source, stream.planned, tally.stored, tally.partial, tally.missed});
+      out.push_back({stream.robot, stream.source, stream.planned, tally.stored, tally.partial, tally.missed, 0});
+      if (stream.source == Source::ring) {
+        out.back().aged_out = log->numbers().streams[{stream.id, stream.source}].aged_out;
+      }
     }
     return out;
   }
@@ -373,7 +379,7 @@ Snapshot Recorder::snapshot() const {
   out.links = impl_->fleet->links();
   for (const Fleet::StreamCounts& stream : impl_->fleet->streams()) {
     const LogThread::StreamNumbers& written = numbers.streams[{stream.id, stream.source}];
-    StreamNow now{stream.robot, stream.source, stream.period_us, stream.planned, 0, 0, stream.missed, {}, 0, 0};
+    StreamNow now{stream.robot, stream.source, stream.period_us, stream.planned, 0, 0, stream.missed, {}, 0, 0, 0};
     now.stored = written.tally.stored;
     now.partial = written.tally.partial;
     constexpr auto kDisk = static_cast<std::size_t>(Cause::disk);
@@ -381,6 +387,10 @@ Snapshot Recorder::snapshot() const {
     now.round_trip = written.round_trip;
     now.last_round_trip_us = written.last_round_trip_us;
     now.last_answer_us = written.last_answer_us;
+    now.aged_out = written.aged_out;
+    if (stream.source == Source::ring) {
+      now.missed = written.tally.missed;  // in what was written; the rest aged out or may still be written
+    }
     out.streams.push_back(std::move(now));
     if (const auto offset = numbers.clock_offset_us.find(stream.id); offset != numbers.clock_offset_us.end()) {
       out.clock_offset_us[stream.robot] = offset->second;
@@ -388,6 +398,7 @@ Snapshot Recorder::snapshot() const {
   }
   out.queue_items = numbers.queue_items;
   out.queue_bytes = numbers.queue_bytes;
+  out.ring_bytes = numbers.ring_bytes;
   out.writer = numbers.writer;
   out.commits = numbers.commits;
   out.forecast = numbers.forecast;

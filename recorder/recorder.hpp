@@ -19,7 +19,7 @@
 
 namespace tacho::recorder {
 
-/// One source of one robot at the end of a recording, as its log says. planned = stored + sum(missed).
+/// One source of one robot at the end of a recording, as its log says. planned = stored + sum(missed) + aged_out.
 struct SourceSummary {
   std::string robot;
   Source source = Source::status;
@@ -27,6 +27,7 @@ struct SourceSummary {
   std::uint64_t stored = 0;
   std::uint64_t partial = 0;
   std::array<std::uint64_t, kCauseCount> missed{};
+  std::uint64_t aged_out = 0;  ///< of the ring: nothing happened in time, so not in the log
 };
 
 class Recorder {

@@ -22,6 +22,10 @@ constexpr std::array kFixed{
           [](const Config& c) {
             return fmt::format("{} {} {}", c.retention.age_us, c.retention.size_bytes, c.retention.reserve_bytes);
           }},
+    Fixed{"[ring]",
+          [](const Config& c) {
+            return fmt::format("{} {} {} {}", c.ring.before_us, c.ring.after_us, c.ring.budget_bytes, c.ring.day_bytes);
+          }},
     Fixed{"metrics", [](const Config& c) { return c.metrics; }},
 };
 

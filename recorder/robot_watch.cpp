@@ -13,13 +13,13 @@ constexpr double kStillRadps = 0.01;
 constexpr std::int64_t kTaskWaiting = 1;
 constexpr std::int64_t kTaskRunning = 2;
 
-constexpr std::array kFields{field("vx"),          field("vy"),      field("w"),      field("is_stop"),
-                             field("task_status"), field("blocked"), field("slowed"), field("charging")};
+constexpr std::array kWatchedFields{field("vx"),          field("vy"),      field("w"),      field("is_stop"),
+                                    field("task_status"), field("blocked"), field("slowed"), field("charging")};
 
 const FieldSet& watched() {
   static const FieldSet fields = [] {
     FieldSet set = identity_fields();
-    for (const FieldIndex f : kFields) {
+    for (const FieldIndex f : kWatchedFields) {
       set.set(f);
     }
     return set;
@@ -104,7 +104,7 @@ RobotWatch::RobotWatch(Options options, AnswerReader& reader)
     : options_(std::move(options)), reader_(reader), identity_(options_.identity) {}
 
 std::optional<Identity> RobotWatch::look(const Answer& answer, WordOrder order, Micros mono_us) {
-  const bool tells_identity = answer.meta.source == Source::status;
+  const bool tells_identity = source_info(answer.meta.source).whole;
   if (!tells_identity && !options_.rates_vary) {
     return std::nullopt;
   }

@@ -56,6 +56,12 @@ class Schedule {
     return first;
   }
 
+  /// What is due next is due at `due_us`, later ones after it: something came that has no schedule but its own.
+  void restart(Micros due_us, Micros period_us) {
+    origin_us_ = due_us;
+    stretches_.assign(1, Stretch{next_, due_us, period_us});
+  }
+
   /// Polls due before `t`, and those before the first one: the planned count of a session that ends then. `t` must not
   /// lie before the polls that were taken.
   [[nodiscard]] std::uint64_t planned_before(Micros t) const {

@@ -26,7 +26,8 @@ struct Histogram {
 };
 
 /// One source of one robot. The counters only grow while the recorder runs. `stored` is what is committed, `missed`
-/// what the poller has given up (and, cause disk, the writer), so planned - stored - missed is on its way.
+/// what the poller has given up (and, cause disk, the writer), so planned - stored - missed is on its way. Of the ring,
+/// planned - stored - missed - aged_out is in memory, and `missed` what is missing in what was written.
 struct StreamNow {
   std::string robot;
   Source source = Source::status;
@@ -37,7 +38,8 @@ struct StreamNow {
   std::array<std::uint64_t, kCauseCount> missed{};
   Histogram round_trip;
   Micros last_round_trip_us = 0;
-  Micros last_answer_us = 0;  ///< wall clock; 0: none yet
+  Micros last_answer_us = 0;   ///< wall clock; 0: none yet
+  std::uint64_t aged_out = 0;  ///< polls of the ring that were not written, because nothing happened
   [[nodiscard]] std::uint64_t missed_total() const;
 };
 
@@ -55,6 +57,7 @@ struct Snapshot {
   std::map<std::string, Micros> clock_offset_us;  ///< robot's clock minus the host's, where the robot tells it
   std::size_t queue_items = 0;
   std::size_t queue_bytes = 0;
+  std::size_t ring_bytes = 0;
   store::LogWriter::Stats writer;
   Histogram commits;
   store::Forecast forecast;  ///< some minutes old

@@ -70,13 +70,27 @@ struct ColumnDecoder::Impl {
 
   // --- answers in JSON
 
-  /// A field in its present or former spelling.
+  /// Where else a field may stand: its former spelling, its place in a push.
+  static std::vector<std::string> other_paths(const Field& field) {
+    std::vector<std::string> paths;
+    if (!field.json.former_key.empty()) {
+      paths.emplace_back(field.json.former_key);
+    }
+    if (const std::string_view nested = push_object(field.json.key); !nested.empty()) {
+      paths.push_back(std::string(nested) + "." + std::string(field.json.key));
+    }
+    return paths;
+  }
+
   bool read_field(const Field& field, Want want, TextPool& pool, ColumnValues& values) {
     if (!read(field.json.key, want, pool, values)) {
       return false;
     }
-    if (!field.json.former_key.empty() && any_absent(values)) {
-      if (!read(field.json.former_key, want, pool, other)) {
+    for (const std::string& path : other_paths(field)) {
+      if (!any_absent(values)) {
+        break;
+      }
+      if (!read(path, want, pool, other)) {
         return false;
       }
       fill_absent(other, values);
@@ -86,9 +100,15 @@ struct ColumnDecoder::Impl {
 
   /// What stands where an object was expected says why a field in it is missing.
   bool explain_absent(const Field& field, Column& column) {
-    for (std::size_t dot = field.json.key.find('.'); dot != std::string_view::npos;
-         dot = field.json.key.find('.', dot + 1)) {
-      const std::string parent(field.json.key.substr(0, dot));
+    std::vector<std::string> paths = other_paths(field);
+    paths.insert(paths.begin(), std::string(field.json.key));
+    return std::all_of(paths.begin(), paths.end(),
+                       [&](const std::string& path) { return explain_absent(path, column); });
+  }
+
+  bool explain_absent(std::string_view path, Column& column) {
+    for (std::size_t dot = path.find('.'); dot != std::string_view::npos; dot = path.find('.', dot + 1)) {
+      const std::string parent(path.substr(0, dot));
       if (!block->shapes().find(parent) ||
           std::find(column.state.begin(), column.state.end(), State::absent) == column.state.end()) {
         continue;

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <set>
 #include <string>
@@ -28,6 +30,15 @@ constexpr std::size_t kCarriedAlarms = 1000;  // nor may one that makes up alarm
 constexpr std::array<FieldIndex, kAlarmLevels> kAlarmFields{field("fatals"), field("errors"), field("warnings"),
                                                             field("notices")};
 constexpr FieldIndex kUptime = field("uptime");
+constexpr std::array kStrideFields{field("x"),  field("y"), field("angle"),          field("vx"),
+                                   field("vy"), field("w"), field("current_map_md5")};
+
+// What a robot can do between two answers beside the speeds that both of them show.
+constexpr double kMostAcceleration = 1.5;      // m/s2
+constexpr double kMostTurnAcceleration = 3.0;  // rad/s2
+constexpr double kJumpM = 0.25;
+constexpr double kJumpRad = 0.25;
+constexpr Micros kLongestStrideUs = 5'000'000;  // over a longer time everything is possible
 
 struct PointKey {
   bool output = false;
@@ -73,23 +84,32 @@ std::array<FieldSet, kSourceCount> make_field_sets() {
   }
   std::array<FieldSet, kSourceCount> sets;
   const auto set = [&](Source source, FieldIndex f) { sets[static_cast<std::size_t>(source)].set(f); };
+  const auto set_all = [&](FieldIndex f) {
+    set(Source::status, f);
+    set(Source::pose, f);
+    set(Source::push, f);
+  };
   for (FieldIndex f = 0; f < kFieldCount; ++f) {
     const Field& row = field_at(f);
     if (watched.test(f)) {
       if (!row.json.key.empty()) {
-        set(Source::status, f);
-        set(Source::pose, f);
+        set_all(f);
       }
       if (row.reg.present()) {
         set(row.reg.discrete ? Source::inputs : Source::registers, f);
       }
     }
     if (row.kind == Kind::alarms || row.kind == Kind::points || f == kUptime) {
-      set(Source::status, f);
-      set(Source::pose, f);
+      set_all(f);
     }
     if (row.kind == Kind::points) {
       set(Source::io, f);
+    }
+  }
+  for (const FieldIndex f : kStrideFields) {
+    set_all(f);
+    if (field_at(f).reg.present()) {
+      set(Source::registers, f);
     }
   }
   return sets;
@@ -120,12 +140,40 @@ struct Point {
   std::uint64_t told_in = 0;                     // number of the answer that told it last
 };
 
+/// Where a robot was and how fast.
+struct Stride {
+  double x_m = 0;
+  double y_m = 0;
+  double angle_rad = 0;
+  double speed_mps = 0;
+  double turn_rate_radps = 0;
+  std::string map;
+  Micros sent_us = 0;
+};
+
+/// Empty when the answer does not tell all of it.
+std::optional<Stride> stride_of(const Sample& sample) {
+  constexpr FieldIndex kMap = kStrideFields.back();
+  if (!std::all_of(kStrideFields.begin(), kStrideFields.end() - 1, [&](FieldIndex f) { return sample.at(f).has(); })) {
+    return std::nullopt;
+  }
+  const auto real = [&](std::size_t i) { return sample.at(kStrideFields[i]).real; };
+  return Stride{real(0),
+                real(1),
+                real(2),
+                std::hypot(real(3), real(4)),
+                std::abs(real(5)),
+                sample.at(kMap).has() ? std::string(sample.text(kMap)) : std::string(),
+                sample.meta.t_send_us};
+}
+
 /// What one source has said so far.
 struct SourceState {
   std::optional<bool> decodable;
   std::set<std::string> unknown_keys;
   std::optional<double> uptime_s;
   Micros uptime_t_us = 0;
+  std::optional<Stride> stride;
   std::vector<std::optional<Known>> values = std::vector<std::optional<Known>>(signals().size());
   std::array<Level, kAlarmFields.size()> levels;
 };
@@ -228,6 +276,34 @@ struct EventMachine::Impl {
     }
   }
 
+  /// Farther than its speed, before and after, and any acceleration in between could have taken it.
+  static void pose_jump(const Step& step, SourceState& state) {
+    std::optional<Stride> now = stride_of(step.sample);
+    if (!now) {
+      return;
+    }
+    if (const std::optional<Stride>& before = state.stride; before && before->map == now->map) {
+      const Micros took_us = step.sample.meta.t_recv_us - before->sent_us;
+      const double took_s = static_cast<double>(took_us) * 1e-6;
+      const double moved_m = std::hypot(now->x_m - before->x_m, now->y_m - before->y_m);
+      const double turned_rad = std::abs(std::remainder(now->angle_rad - before->angle_rad, 2.0 * std::numbers::pi));
+      const double reach_m =
+          kJumpM + took_s * (std::max(now->speed_mps, before->speed_mps) + kMostAcceleration * took_s / 2.0);
+      const double reach_rad = kJumpRad + took_s * (std::max(now->turn_rate_radps, before->turn_rate_radps) +
+                                                    kMostTurnAcceleration * took_s / 2.0);
+      if (took_us > 0 && took_us <= kLongestStrideUs && (moved_m > reach_m || turned_rad > reach_rad)) {
+        const auto pose = [](const Stride& s) {
+          return fmt::format("{:.3f} {:.3f} {:.4f}", s.x_m, s.y_m, s.angle_rad);
+        };
+        step.event(
+            EventKind::pose_jump, before->sent_us, "", pose(*before), pose(*now),
+            fmt::format("moved {:.2f} m and turned {:.2f} rad in {:.2f} s; {:.2f} m and {:.2f} rad were possible",
+                        moved_m, turned_rad, took_s, reach_m, std::min(reach_rad, std::numbers::pi)));
+      }
+    }
+    state.stride = std::move(now);
+  }
+
   static void alarms(const Step& step, SourceState& state) {
     for (std::size_t i = 0; i < kAlarmFields.size(); ++i) {
       if (step.sample.at(kAlarmFields[i]).has()) {
@@ -326,6 +402,7 @@ bool derived_from_answers(EventKind kind) {
     case EventKind::part_removed:
     case EventKind::config_changed:
     case EventKind::identity_changed:
+    case EventKind::ring_kept:
       return false;
     default:
       return true;
@@ -338,6 +415,9 @@ EventMachine::EventMachine(EventMachine&&) noexcept = default;
 EventMachine& EventMachine::operator=(EventMachine&&) noexcept = default;
 
 void EventMachine::step(const Sample& sample, const std::function<void(Event)>& emit) {
+  if (sample.meta.source == Source::ring) {
+    return;  // written late, and the other sources have told it
+  }
   const Impl::Step step{sample, emit};
   SourceState& state = impl_->sources[static_cast<std::size_t>(sample.meta.source)];
   Impl::decodability(step, state);
@@ -347,6 +427,7 @@ void EventMachine::step(const Sample& sample, const std::function<void(Event)>& 
   }
   Impl::reboot(step, state);
   Impl::values(step, state);
+  Impl::pose_jump(step, state);
   Impl::alarms(step, state);
   impl_->digital_points(step);
 }

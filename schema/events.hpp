@@ -19,6 +19,12 @@
 // repeats alarms but clears none, and does not prove that an alarm raised later was absent: t_from_us is then the
 // request of the last whole array.
 //
+// Pose jumps: the pose moved by more than 0.25 m (or turned by more than 0.25 rad) beyond what the larger of the two
+// speeds told and 1.5 m/s2 (3 rad/s2) on top could have done in the time, which is at most 5 s; on the same map. Values
+// are "x y angle", m and rad. Coarser than the jumps of the odometry analysis, which needs more than two answers.
+//
+// Answers of `ring` make no events: they are written late, and other sources have told the same.
+//
 // Unknown keys: one event per source and key, at most 200 keys per source; subject is the key.
 //
 // Digital points: subject "DI 3" / "DO 3". The same point may be told by `io`, `inputs` and `status`; an edge is
@@ -46,7 +52,7 @@ class EventMachine {
   EventMachine& operator=(EventMachine&&) noexcept;
 
   /// Calls `emit` for each event of this sample, in a fixed order: decodability, unknown keys, reboot, states in the
-  /// order of the table, alarms by level and code, points.
+  /// order of the table, pose jump, alarms by level and code, points.
   void step(const Sample& sample, const std::function<void(Event)>& emit);
 
   /// The fields `step` looks at; decode at least these.

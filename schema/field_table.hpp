@@ -294,6 +294,17 @@ inline constexpr auto kFields = std::to_array<Field>({
   {"has_fatal",                Kind::flag,       "",      no_json,                                  bit(8),                      "A fatal alarm is present"},
   {"has_error",                Kind::flag,       "",      no_json,                                  bit(9),                      "An error is present"},
   {"has_warning",              Kind::flag,       "",      no_json,                                  bit(10),                     "A warning is present"},
+  // Told by the push alone
+  {"firmware_version",         Kind::text,       "",      push("version"),                          no_register,                 "Firmware version; answers tell it in four registers"},
+  {"model_name",               Kind::text,       "",      push("model"),                            no_register,                 "Name of the robot model"},
+  {"dsp_version",              Kind::text,       "",      push("dsp_version"),                      no_register,                 "Firmware version of the motion board"},
+  {"gyro_version",             Kind::text,       "",      push("gyro_version"),                     no_register,                 "Firmware version of the inertial unit"},
+  {"request_voltage",          Kind::real,       "V",     push("requestVoltage"),                   no_register,                 "Voltage that the battery asks the charger for"},
+  {"request_current",          Kind::real,       "A",     push("requestCurrent"),                   no_register,                 "Current that the battery asks the charger for"},
+  {"battery_extra",            Kind::text,       "",      push("battery_extra"),                    no_register,                 "Further data of the battery"},
+  {"arm_info",                 Kind::structured, "",      push("arm_info"),                         no_register,                 "State of an arm on the robot"},
+  {"task_status_package",      Kind::structured, "",      push("task_status_package"),              no_register,                 "Nearest station, way gone and states of the latest tasks"},
+  {"map_user_data",            Kind::structured, "",      push("map.userData"),                     no_register,                 "User data of the map"},
   // Network, identity, API
   {"ssid",                     Kind::text,       "",      json("ssid"),                             no_register,                 "Wi-Fi network; empty: none"},
   {"rssi",                     Kind::real,       "%",     json("rssi"),                             no_register,                 "Wi-Fi signal, 0 to 100 by the document; some firmware reports dBm"},

@@ -28,14 +28,35 @@ enum class Kind : std::uint8_t {
   points,      ///< DI, DO: see IoPoint in sample.hpp; the cell holds the count
 };
 
-/// Where a field stands in a 11100 / 11013 answer. `key` may be a path: "calib_status.desc". Empty: not in JSON.
+/// Where a field stands in a 11100 / 11013 answer or a 19301 push. `key` may be a path: "calib_status.desc". Empty: not
+/// in JSON.
 struct JsonSource {
   std::string_view key;
   double scale = 1.0;           ///< JSON number times scale = SI value
   std::string_view former_key;  ///< spelling of older firmware, read when `key` is absent
-  [[nodiscard]] constexpr JsonSource times(double s) const { return {key, s, former_key}; }
-  [[nodiscard]] constexpr JsonSource formerly(std::string_view k) const { return {key, scale, k}; }
+  bool push_only = false;       ///< no answer has it, only the push
+  [[nodiscard]] constexpr JsonSource times(double s) const { return {key, s, former_key, push_only}; }
+  [[nodiscard]] constexpr JsonSource formerly(std::string_view k) const { return {key, scale, k, push_only}; }
 };
+
+/// The push nests what answers have flat: jack_height is "jack": {"jack_height": ...}. Members of `object` are the keys
+/// that begin with `prefix`.
+struct PushObject {
+  std::string_view object;
+  std::string_view prefix;
+};
+inline constexpr std::array kPushObjects{PushObject{"fork", "fork_"}, PushObject{"fork", "forward_"},
+                                         PushObject{"jack", "jack_"}, PushObject{"roller", "roller_"},
+                                         PushObject{"hook", "hook_"}};
+/// The object that nests `key` in a push; empty: none.
+constexpr std::string_view push_object(std::string_view key) {
+  for (const PushObject& row : kPushObjects) {
+    if (key.starts_with(row.prefix)) {
+      return row.object;
+    }
+  }
+  return {};
+}
 
 enum class RegisterType : std::uint8_t { none, u16, i16, i32, f32 };
 
@@ -75,7 +96,8 @@ struct Field {
   bool retired = false;  ///< struck out in the vendor's document; still decoded
 };
 
-constexpr JsonSource json(std::string_view key) { return {key, 1.0, {}}; }
+constexpr JsonSource json(std::string_view key) { return {key, 1.0, {}, false}; }
+constexpr JsonSource push(std::string_view key) { return {key, 1.0, {}, true}; }
 inline constexpr JsonSource no_json{};
 inline constexpr RegisterSource no_register{};
 constexpr RegisterSource u16(std::uint16_t a) { return {a, RegisterType::u16, 1.0, false}; }

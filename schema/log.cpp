@@ -34,13 +34,15 @@ bool update_text(const Sample& sample, FieldIndex f, std::string& kept) {
   return true;
 }
 
-bool update_firmware(const Sample& sample, std::string& kept) {
+/// A push may spell it otherwise than the registers, which are believed once they have told it.
+bool update_firmware(const Sample& sample, bool& by_registers, std::string& kept) {
   const std::optional<std::string> told = firmware_text(sample);
-  if (!told || *told == "0.0.0.0" || *told == kept) {
+  const bool registers = sample.meta.source == Source::registers;
+  if (!told || *told == "0.0.0.0" || (by_registers && !registers)) {
     return false;
   }
-  kept = *told;
-  return true;
+  by_registers = registers;
+  return std::exchange(kept, *told) != *told;
 }
 
 /// The robot's clock when it made the answer, UTC.
@@ -120,12 +122,14 @@ struct Ingest::Impl {
     EventMachine events;
     Gates gates;
     Robot identity;
+    bool firmware_by_registers = false;
     std::optional<Micros> first_mono_us;
     std::optional<ClockPoint> last_point;
   };
 
   store::LogWriter& writer;
   std::function<Micros()> wall_minus_mono;
+  std::function<void(const Event&)> on_event;
   AnswerDecoder decoder;
   std::map<std::pair<RobotId, Source>, WordOrder> word_orders;
   std::map<RobotId, RobotState> robots;
@@ -139,7 +143,7 @@ struct Ingest::Impl {
     bool changed = update_text(sample, field("vehicle_id"), known.vehicle_id);
     changed = update_text(sample, field("mac"), known.mac) || changed;
     changed = update_text(sample, field("model_md5"), known.model_md5) || changed;
-    changed = update_firmware(sample, known.firmware) || changed;
+    changed = update_firmware(sample, robot.firmware_by_registers, known.firmware) || changed;
     if (changed) {
       known.id = sample.meta.robot;
       writer.identify(known.id, known);
@@ -208,9 +212,16 @@ void Ingest::append(const Answer& answer) {
   impl_->decoder.decode(answer, order->second, impl_->all, true, robot.gates, sample);
   impl_->writer.append(answer);
   impl_->writer.note(sample);
-  robot.events.step(sample, [this](const Event& event) { impl_->writer.add(event); });
-  impl_->identity(robot);
-  impl_->clock(robot);
+  robot.events.step(sample, [this](const Event& event) {
+    impl_->writer.add(event);
+    if (impl_->on_event) {
+      impl_->on_event(event);
+    }
+  });
+  if (answer.meta.source != Source::ring) {  // written late: it would turn back what has been told since
+    impl_->identity(robot);
+    impl_->clock(robot);
+  }
 }
 
 void Ingest::add(const Gap& gap) {
@@ -226,6 +237,8 @@ void Ingest::set_word_order(RobotId robot, Source source, WordOrder order) {
   impl_->word_orders[{robot, source}] = order;
   impl_->writer.set_word_order(robot, source, order);
 }
+
+void Ingest::on_event(std::function<void(const Event&)> call) { impl_->on_event = std::move(call); }
 
 const Sample& Ingest::last() const { return impl_->sample; }
 

@@ -61,6 +61,8 @@ class Ingest {
   void add(const Gap& gap);
   void add(const Event& event);
   void set_word_order(RobotId robot, Source source, WordOrder order);
+  /// Called from append() with every event it derives; must not append.
+  void on_event(std::function<void(const Event&)> call);
   /// The last decoded sample of append(), for status lines. Valid until the next append().
   [[nodiscard]] const Sample& last() const;
 

@@ -69,7 +69,9 @@ constexpr std::array<std::string_view, kEventKindCount> kEventKinds{"link_up",
                                                                     "mark",
                                                                     "part_removed",
                                                                     "config_changed",
-                                                                    "identity_changed"};
+                                                                    "identity_changed",
+                                                                    "pose_jump",
+                                                                    "ring_kept"};
 
 }  // namespace
 

@@ -123,8 +123,10 @@ enum class EventKind : std::uint8_t {
   part_removed,      ///< retention has removed a part of the log; of no robot
   config_changed,    ///< the recorder goes on with another configuration, its text is in detail; of no robot
   identity_changed,  ///< another robot answers where this one was found; its row is in detail
+  pose_jump,
+  ring_kept,  ///< a trigger had the ring written; subject: the trigger, values: answers aged out and kept
 };
-inline constexpr std::size_t kEventKindCount = 31;
+inline constexpr std::size_t kEventKindCount = 33;
 std::string_view event_kind_name(EventKind kind);
 /// Values of an event `rate`, exactly: "off" (0), "200 ms", "1.0 s". The other way round; empty when it is none.
 std::string rate_text(Micros period_us);

@@ -8,13 +8,15 @@ namespace tacho {
 
 namespace {
 constexpr std::array<SourceInfo, kSourceCount> kSources{{
-    {"status", Encoding::json, Protocol::status_port},
+    {"status", Encoding::json, Protocol::status_port, true},
     {"io", Encoding::json, Protocol::status_port},
     {"registers", Encoding::registers, Protocol::modbus},
     {"inputs", Encoding::inputs, Protocol::modbus},
     {"pose", Encoding::json, Protocol::status_port},
+    {"push", Encoding::json, Protocol::push_port, true},
+    {"ring", Encoding::json, Protocol::status_port, true},
 }};
-constexpr std::array<std::string_view, kProtocolCount> kProtocolNames{"status port", "modbus"};
+constexpr std::array<std::string_view, kProtocolCount> kProtocolNames{"status port", "modbus", "push port"};
 constexpr std::array<std::string_view, 6> kStateNames{"absent",       "null",       "not_meaningful",
                                                       "not_supplied", "wrong_type", "present"};
 constexpr std::array<std::string_view, 4> kLevelNames{"fatal", "error", "warning", "notice"};

@@ -16,17 +16,18 @@ namespace tacho {
 using Micros = std::int64_t;
 
 /// Numbers and names are stored in the log: append only. What is known of each is a row of kSources (sample.cpp).
-enum class Source : std::uint8_t { status, io, registers, inputs, pose };
-inline constexpr std::size_t kSourceCount = 5;
+enum class Source : std::uint8_t { status, io, registers, inputs, pose, push, ring };
+inline constexpr std::size_t kSourceCount = 7;
 /// What the body of an answer is.
 enum class Encoding : std::uint8_t { json, registers, inputs };
 /// By which connection of a robot its answers come; names are for people.
-enum class Protocol : std::uint8_t { status_port, modbus };
-inline constexpr std::size_t kProtocolCount = 2;
+enum class Protocol : std::uint8_t { status_port, modbus, push_port };
+inline constexpr std::size_t kProtocolCount = 3;
 struct SourceInfo {
   std::string_view name;
   Encoding encoding;
   Protocol protocol;
+  bool whole = false;  ///< its answers are everything the robot says, as those of status are
 };
 const SourceInfo& source_info(Source source);
 std::string_view source_name(Source source);

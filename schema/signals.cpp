@@ -8,8 +8,9 @@ namespace tacho {
 
 namespace {
 
-constexpr std::array<FieldIndex, 4> kVersionFields{field("version_major"), field("version_minor"),
-                                                   field("version_patch"), field("version_redistribute")};
+constexpr FieldIndex kVersionText = field("firmware_version");
+constexpr std::array kVersionParts{field("version_major"), field("version_minor"), field("version_patch"),
+                                   field("version_redistribute")};
 
 std::string value_text(const Sample& sample, FieldIndex f) {
   const Cell& cell = sample.at(f);
@@ -53,8 +54,11 @@ std::optional<std::string> read_owner(const Sample& sample, const std::vector<Fi
 }  // namespace
 
 std::optional<std::string> firmware_text(const Sample& sample) {
+  if (sample.at(kVersionText).has()) {
+    return std::string(sample.text(kVersionText));
+  }
   std::string text;
-  for (const FieldIndex f : kVersionFields) {
+  for (const FieldIndex f : kVersionParts) {
     if (!sample.at(f).has()) {
       return std::nullopt;
     }
@@ -70,7 +74,10 @@ const std::vector<Signal>& signals() {
       {EventKind::identity, "vehicle_id", {field("vehicle_id")}, read_value},
       {EventKind::identity, "mac", {field("mac")}, read_value},
       {EventKind::identity, "model_md5", {field("model_md5")}, read_value},
-      {EventKind::identity, "firmware", {kVersionFields.begin(), kVersionFields.end()}, read_firmware},
+      {EventKind::identity,
+       "firmware",
+       {kVersionText, kVersionParts[0], kVersionParts[1], kVersionParts[2], kVersionParts[3]},
+       read_firmware},
       {EventKind::map, "name", {field("current_map")}, read_value},
       {EventKind::map, "md5", {field("current_map_md5")}, read_value},
       {EventKind::map, "number", {field("map_number")}, read_value},

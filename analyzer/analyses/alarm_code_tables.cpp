@@ -9,7 +9,7 @@
 namespace tacho {
 namespace {
 
-constexpr std::size_t kTop = 10;
+constexpr std::size_t kTopCodes = 10;
 
 struct Span {
   double mid = 0.0, lo = 0.0, hi = 0.0;
@@ -197,7 +197,7 @@ DataTable pareto(const ParetoOf& of, std::vector<CodeSum> codes) {
     sum += of.value(c);
   }
   double so_far = 0.0;
-  for (std::size_t i = 0; i < std::min(kTop, codes.size()) && of.value(codes[i]) > 0.0; ++i) {
+  for (std::size_t i = 0; i < std::min(kTopCodes, codes.size()) && of.value(codes[i]) > 0.0; ++i) {
     const double value = of.value(codes[i]);
     so_far += value;
     table.rows.push_back({static_cast<std::int64_t>(i + 1), std::string(alarm_level_name(codes[i].key.level)),

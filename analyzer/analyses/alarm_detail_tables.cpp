@@ -4,15 +4,10 @@
 
 #include "analyzer/analyses/alarm_results.hpp"
 #include "analyzer/analyses/cells.hpp"
+#include "schema/time.hpp"
 
 namespace tacho {
 namespace {
-
-std::string show(const AlarmKey& key) {
-  return std::string(alarm_level_name(key.level)) + " " + std::to_string(key.code);
-}
-
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
 
 DataTable flood_table(const AlarmData& data) {
   DataTable table;
@@ -29,9 +24,9 @@ DataTable flood_table(const AlarmData& data) {
   for (const AlarmScope& scope : data.scopes) {
     for (const Flood& flood : scope.floods) {
       table.rows.push_back({scope.robot.empty() ? std::string("all") : scope.robot, Time{flood.from_us},
-                            Time{flood.to_us}, seconds(flood.to_us - flood.from_us),
+                            Time{flood.to_us}, to_seconds(flood.to_us - flood.from_us),
                             static_cast<std::int64_t>(flood.raises), static_cast<std::int64_t>(flood.peak),
-                            show(flood.first_out.key), data.robots[flood.first_out.robot].name});
+                            alarm_text(flood.first_out.key), data.robots[flood.first_out.robot].name});
     }
   }
   return table;
@@ -99,8 +94,8 @@ Repair repairs(const std::vector<Down>& downs) {
   Repair out;
   for (const Down& d : downs) {
     if (!d.cut) {
-      const double lo = std::max(0.0, seconds(d.end_lo_us - d.onset_hi_us));
-      const double hi = seconds(d.end_hi_us - d.onset_lo_us);
+      const double lo = std::max(0.0, to_seconds(d.end_lo_us - d.onset_hi_us));
+      const double hi = to_seconds(d.end_hi_us - d.onset_lo_us);
       out.mid.push_back((lo + hi) / 2.0);
       out.lo_sum += lo;
       out.hi_sum += hi;
@@ -219,14 +214,6 @@ std::vector<ColumnSpec> interval_columns() {
           {"solution", "", "The robot's own words on what to do"}};
 }
 
-Value code_cell(FieldIndex f, const std::optional<std::int64_t>& code) {
-  if (!code) {
-    return Missing{"not given"};
-  }
-  const std::string_view name = code_name(field_at(f), *code);
-  return name.empty() ? std::to_string(*code) : std::string(name);
-}
-
 std::vector<Value> interval_cells(const RobotAlarms& robot, const AlarmInterval& a) {
   const auto time = [](const std::optional<Micros>& t, const char* why) -> Value {
     return t ? Value(Time{*t}) : Value(Missing{why});
@@ -262,8 +249,8 @@ std::vector<Value> interval_cells(const RobotAlarms& robot, const AlarmInterval&
           cells::maybe(c.speed_mps, not_given),
           cells::maybe(c.battery_level, not_given),
           cells::maybe(c.confidence, not_given),
-          code_cell(field("task_status"), c.task_status),
-          code_cell(field("task_type"), c.task_type),
+          cells::code(field("task_status"), c.task_status),
+          cells::code(field("task_type"), c.task_type),
           cells::maybe(c.rssi, not_given),
           cells::text(words.solution, not_given)};
 }

@@ -43,8 +43,6 @@ void undecided(Finding& f) {
   }
 }
 
-std::string show(const AlarmKey& key) { return fmt::format("{} {}", alarm_level_name(key.level), key.code); }
-
 /// Of the robot, or of the first one of all that can tell.
 std::string source_of(const AlarmData& data, const AlarmScope& scope) {
   for (const RobotAlarms& robot : data.robots) {
@@ -124,7 +122,7 @@ Finding flood_share(const AlarmData& data, const AlarmScope& scope) {
     sum += length_s;
     squares += length_s * length_s;
     f.evidence.push_back({flood.from_us, flood.to_us, source_of(data, scope),
-                          fmt::format("{} alarms, first out {}", flood.raises, show(flood.first_out.key))});
+                          fmt::format("{} alarms, first out {}", flood.raises, alarm_text(flood.first_out.key))});
   }
   const double typical_s = data.settings.number("alarms.flood_typical_s", scope.robot);
   const math::Limits limits =
@@ -159,7 +157,7 @@ Finding chatter_codes(const AlarmData& data, const RobotAlarms& robot, std::size
     seen += chatter.runs > 0 ? 1 : 0;
     if (chatter.runs > 0) {
       f.evidence.push_back({chatter.from_us, chatter.to_us, robot.source,
-                            fmt::format("{}: {} raises in the worst window", show(key), chatter.most)});
+                            fmt::format("{}: {} raises in the worst window", alarm_text(key), chatter.most)});
     }
   }
   f.value = cells::bounded(seen, sure, possible, "");
@@ -216,7 +214,7 @@ Finding stale_alarms(const AlarmData& data, const RobotAlarms& robot) {
       possible[day] += 1;
     }
     if (lasting.sure > 0) {
-      f.evidence.push_back({a.onset_hi_us, a.clear_lo_us, robot.source, show(a.key)});
+      f.evidence.push_back({a.onset_hi_us, a.clear_lo_us, robot.source, alarm_text(a.key)});
     }
   }
   const auto most = [](const std::map<std::int64_t, std::int64_t>& days) {

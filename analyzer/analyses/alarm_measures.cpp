@@ -1,4 +1,5 @@
 #include "analyzer/analyses/alarm_measures.hpp"
+#include "schema/time.hpp"
 
 #include <algorithm>
 #include <deque>
@@ -6,16 +7,14 @@
 namespace tacho {
 namespace {
 
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
-
 /// Mean of 1 / r over successive raises, r at least 1 s.
 struct ChatterIndex {
   double mid = 0.0, lo = 0.0, hi = 0.0;
   void add(const Raise& a, const Raise& b) {
     const auto term = [](double r) { return 1.0 / std::max(1.0, r); };
-    mid += term(seconds(b.mid_us() - a.mid_us()));
-    lo += term(seconds(b.hi_us - a.lo_us));
-    hi += term(seconds(b.lo_us - a.hi_us));
+    mid += term(to_seconds(b.mid_us() - a.mid_us()));
+    lo += term(to_seconds(b.hi_us - a.lo_us));
+    hi += term(to_seconds(b.lo_us - a.hi_us));
   }
 };
 
@@ -120,7 +119,7 @@ Lasting stale(std::span<const AlarmInterval> intervals, double limit_s) {
     const std::optional<double> hi = a.duration_hi_s();
     // The end of an open alarm is the future: what can be said is how long it has been standing.
     const std::optional<double> longest =
-        a.clear == Clear::open && a.onset_lo_us ? seconds(a.clear_lo_us - *a.onset_lo_us) : hi;
+        a.clear == Clear::open && a.onset_lo_us ? to_seconds(a.clear_lo_us - *a.onset_lo_us) : hi;
     out.sure += a.duration_lo_s() > limit_s ? 1 : 0;
     out.possible += !longest || *longest > limit_s ? 1 : 0;
   }

@@ -1,4 +1,5 @@
 #include "analyzer/analyses/alarm_tracker.hpp"
+#include "schema/time.hpp"
 
 #include <algorithm>
 
@@ -14,27 +15,26 @@ const char* clear_name(Clear clear) {
   return kNames[static_cast<std::size_t>(clear)];
 }
 
-namespace {
+namespace {}  // namespace
 
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
-Micros middle(Micros a, Micros b) { return a + (b - a) / 2; }
-
-}  // namespace
+std::string alarm_text(const AlarmKey& key) {
+  return std::string(alarm_level_name(key.level)) + " " + std::to_string(key.code);
+}
 
 Micros AlarmInterval::onset_mid_us() const { return onset_lo_us ? middle(*onset_lo_us, onset_hi_us) : onset_hi_us; }
 
 Micros AlarmInterval::clear_mid_us() const { return clear_hi_us ? middle(clear_lo_us, *clear_hi_us) : clear_lo_us; }
 
-double AlarmInterval::duration_lo_s() const { return std::max(0.0, seconds(clear_lo_us - onset_hi_us)); }
+double AlarmInterval::duration_lo_s() const { return std::max(0.0, to_seconds(clear_lo_us - onset_hi_us)); }
 
 std::optional<double> AlarmInterval::duration_hi_s() const {
   if (!onset_lo_us || !clear_hi_us) {
     return std::nullopt;
   }
-  return seconds(*clear_hi_us - *onset_lo_us);
+  return to_seconds(*clear_hi_us - *onset_lo_us);
 }
 
-double AlarmInterval::duration_mid_s() const { return std::max(0.0, seconds(clear_mid_us() - onset_mid_us())); }
+double AlarmInterval::duration_mid_s() const { return std::max(0.0, to_seconds(clear_mid_us() - onset_mid_us())); }
 
 struct AlarmTracker::View {
   AlarmLevel level;

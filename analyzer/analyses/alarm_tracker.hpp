@@ -25,6 +25,8 @@ struct AlarmKey {
   std::int64_t code = 0;
   friend auto operator<=>(const AlarmKey&, const AlarmKey&) = default;
 };
+/// "error 52201"
+std::string alarm_text(const AlarmKey& key);
 
 /// One poll. `full` says that there may be more alarms than `items`: the input registers show only the first codes, and
 /// an array may hold elements that could not be read.

@@ -1,4 +1,5 @@
 #include "analyzer/analyses/battery_tables.hpp"
+#include "analyzer/math/bootstrap.hpp"
 
 #include <fmt/format.h>
 
@@ -7,8 +8,6 @@
 
 namespace tacho::battery {
 namespace {
-
-constexpr double kZ95 = 1.959963984540054;
 
 Quantity by_charge(const RobotFold& fold, const Pack& pack) {
   const std::optional<double> nominal = fold.config.nominal_capacity_ah;

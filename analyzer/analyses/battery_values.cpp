@@ -4,13 +4,10 @@
 #include <cmath>
 
 #include "analyzer/analyses/battery_tables.hpp"
+#include "analyzer/math/bootstrap.hpp"
 
 namespace tacho::battery {
-namespace {
-
-constexpr double kZ95 = 1.959963984540054;
-
-}  // namespace
+namespace {}  // namespace
 
 DataTable make_table(std::string name, std::string title, std::vector<ColumnSpec> columns, bool detail) {
   DataTable out;

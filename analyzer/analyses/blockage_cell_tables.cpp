@@ -9,7 +9,7 @@
 namespace tacho {
 namespace {
 
-constexpr std::size_t kTop = 20;
+constexpr std::size_t kTopCells = 20;
 
 struct RankedCell {
   const Site* site = nullptr;
@@ -77,7 +77,7 @@ DataTable top_cells(const BlockageData& data) {
   std::stable_sort(all.begin(), all.end(), [](const RankedCell& a, const RankedCell& b) {
     return a.theta != b.theta ? a.theta > b.theta : a.cell->lost_s > b.cell->lost_s;
   });
-  all.resize(std::min(all.size(), kTop));
+  all.resize(std::min(all.size(), kTopCells));
   for (const RankedCell& r : all) {
     const SiteCell& c = *r.cell;
     const auto reason = std::max_element(c.by_reason.begin(), c.by_reason.end(), [](const auto& a, const auto& b) {

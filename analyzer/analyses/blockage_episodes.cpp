@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "analyzer/math/robust.hpp"
+#include "schema/time.hpp"
 
 namespace tacho {
 namespace {
@@ -17,10 +18,6 @@ constexpr double kFrameNear_m = 10.0;
 constexpr double kFrameRatio = 5.0;
 constexpr Micros kIncidentPause = 600'000'000;
 constexpr double kIncidentReach_m = 1.0;
-
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
-Micros middle(Micros a, Micros b) { return a + (b - a) / 2; }
-double distance(math::Point a, math::Point b) { return std::hypot(b.x - a.x, b.y - a.y); }
 
 template <class T>
 void keep_first(std::optional<T>& kept, const std::optional<T>& seen) {
@@ -40,17 +37,17 @@ const char* episode_class_name(EpisodeClass cls) {
 
 Micros Episode::onset_mid_us() const { return onset_lo_us ? middle(*onset_lo_us, onset_hi_us) : onset_hi_us; }
 Micros Episode::end_mid_us() const { return end_hi_us ? middle(end_lo_us, *end_hi_us) : end_lo_us; }
-double Episode::duration_lo_s() const { return std::max(0.0, seconds(end_lo_us - onset_hi_us)); }
-double Episode::duration_mid_s() const { return std::max(0.0, seconds(end_mid_us() - onset_mid_us())); }
+double Episode::duration_lo_s() const { return std::max(0.0, to_seconds(end_lo_us - onset_hi_us)); }
+double Episode::duration_mid_s() const { return std::max(0.0, to_seconds(end_mid_us() - onset_mid_us())); }
 
 std::optional<double> Episode::duration_hi_s() const {
   if (!onset_lo_us || !end_hi_us) {
     return std::nullopt;
   }
-  return seconds(*end_hi_us - *onset_lo_us);
+  return to_seconds(*end_hi_us - *onset_lo_us);
 }
 
-double Episode::moved_m() const { return at && last_at ? distance(*at, *last_at) : 0.0; }
+double Episode::moved_m() const { return at && last_at ? math::distance(*at, *last_at) : 0.0; }
 
 void EpisodeMachine::see(Episode& episode, Micros t_send_us, const Sighting& sighting) const {
   episode.end_lo_us = t_send_us;
@@ -94,7 +91,7 @@ bool EpisodeMachine::joins(const Episode& first, const Episode& second) const {
     return false;
   }
   if (first.end_in_gap && second.onset_in_gap && first.end_hi_us && *first.end_hi_us >= second.onset_hi_us) {
-    return first.last_at && second.at && distance(*first.last_at, *second.at) <= rules_.same_place_m;
+    return first.last_at && second.at && math::distance(*first.last_at, *second.at) <= rules_.same_place_m;
   }
   return !first.end_in_gap && !second.onset_in_gap && second.onset_mid_us() - first.end_mid_us() <= rules_.join_us;
 }
@@ -127,7 +124,7 @@ FrameTest obstacle_frame(const std::vector<Episode>& episodes) {
   std::set<std::pair<long, long>> places;
   for (const Episode& e : episodes) {
     if (e.at && e.obstacle) {
-      world.push_back(distance(*e.obstacle, *e.at));
+      world.push_back(math::distance(*e.obstacle, *e.at));
       robot.push_back(std::hypot(e.obstacle->x, e.obstacle->y));
       places.emplace(std::lround(std::clamp(e.at->x, -1e6, 1e6)), std::lround(std::clamp(e.at->y, -1e6, 1e6)));
     }
@@ -172,7 +169,7 @@ std::size_t count_incidents(const std::vector<Episode>& episodes) {
   for (std::size_t i = 0; i < episodes.size(); ++i) {
     const Episode& e = episodes[i];
     const bool same = i > 0 && e.at && episodes[i - 1].at && e.map == episodes[i - 1].map &&
-                      distance(*e.at, *episodes[i - 1].at) <= kIncidentReach_m &&
+                      math::distance(*e.at, *episodes[i - 1].at) <= kIncidentReach_m &&
                       e.onset_mid_us() - episodes[i - 1].end_mid_us() <= kIncidentPause;
     incidents += same ? 0 : 1;
   }

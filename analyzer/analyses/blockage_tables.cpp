@@ -195,14 +195,6 @@ DataTable by_sensor(const BlockageData& data) {
   return table;
 }
 
-Value code_cell(FieldIndex f, const std::optional<std::int64_t>& code) {
-  if (!code) {
-    return Missing{"not given"};
-  }
-  const std::string_view name = code_name(field_at(f), *code);
-  return name.empty() ? std::to_string(*code) : std::string(name);
-}
-
 std::vector<Value> episode_cells(const BlockageData& data, const Loss& loss) {
   const Episode& e = *loss.episode;
   const std::string not_given = "not given";
@@ -230,7 +222,7 @@ std::vector<Value> episode_cells(const BlockageData& data, const Loss& loss) {
           coordinate(obstacle, &math::Point::y, no_frame),
           e.map,
           cells::text(e.station, "at no station"),
-          code_cell(field("task_type"), e.task_type),
+          cells::code(field("task_type"), e.task_type),
           cells::maybe(e.ultrasonic_id, not_given),
           cells::maybe(e.di, not_given),
           e.joined,

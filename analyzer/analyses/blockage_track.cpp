@@ -10,8 +10,6 @@ constexpr Micros kReentry = 2'000'000;
 constexpr double kMoving_mps = 0.05;
 constexpr double kFarthest_m = 1e6;  // no site is larger; keeps cell numbers small
 
-double distance(math::Point a, math::Point b) { return std::hypot(b.x - a.x, b.y - a.y); }
-
 bool usable(const std::optional<math::Point>& p) {
   return p && std::abs(p->x) < kFarthest_m && std::abs(p->y) < kFarthest_m;  // false for NaN
 }
@@ -47,7 +45,7 @@ std::optional<double> SpeedClasses::median() const {
 void ExposureGrid::add(const Stride& stride) {
   const Micros dt_us = stride.t_to_us - stride.t_from_us;
   const double dt_s = static_cast<double>(dt_us) * 1e-6;
-  const double length_m = distance(stride.from, stride.to);
+  const double length_m = math::distance(stride.from, stride.to);
   math::traverse(stride.from, stride.to, cell_m_, [&](const math::Part& part) {
     const auto time = [&](double share) {
       return stride.t_from_us + static_cast<Micros>(share * static_cast<double>(dt_us));
@@ -76,7 +74,7 @@ bool PoseTrack::leap(const PoseRow& row, double dt_s) const {
   if (before_->speed_mps && row.speed_mps) {
     most = std::min(most, (*before_->speed_mps + *row.speed_mps) / 2.0 * dt_s + rules_.accel_mps2 * dt_s * dt_s / 4.0);
   }
-  return distance(*before_->at, *row.at) > most + rules_.jump_m;
+  return math::distance(*before_->at, *row.at) > most + rules_.jump_m;
 }
 
 void PoseTrack::begin(const PoseRow& row) {
@@ -91,13 +89,13 @@ void PoseTrack::begin(const PoseRow& row) {
 void PoseTrack::stride(const PoseRow& row) {
   Stride s;
   s.from = anchor_;
-  s.to = distance(anchor_, *row.at) >= rules_.stride_min_m ? *row.at : anchor_;
+  s.to = math::distance(anchor_, *row.at) >= rules_.stride_min_m ? *row.at : anchor_;
   s.t_from_us = before_->t_us;
   s.t_to_us = row.t_us;
   s.blocked = (before_->blocked ? 0.5 : 0.0) + (row.blocked ? 0.5 : 0.0);
   s.slowed = (before_->slowed ? 0.5 : 0.0) + (row.slowed ? 0.5 : 0.0);
   const double dt_s = static_cast<double>(s.t_to_us - s.t_from_us) * 1e-6;
-  const double length_m = distance(s.from, s.to);
+  const double length_m = math::distance(s.from, s.to);
   if (s.blocked == 0.0 && s.slowed == 0.0 && dt_s > 0.0) {
     const double mps =
         before_->speed_mps && row.speed_mps ? (*before_->speed_mps + *row.speed_mps) / 2.0 : length_m / dt_s;

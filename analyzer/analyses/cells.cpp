@@ -51,6 +51,14 @@ Quantity rate(double k, double exposure, double unit_exposure, const std::string
   return q;
 }
 
+Value code(FieldIndex f, const std::optional<std::int64_t>& code) {
+  if (!code) {
+    return Missing{"not given"};
+  }
+  const std::string_view name = code_name(field_at(f), *code);
+  return name.empty() ? std::to_string(*code) : std::string(name);
+}
+
 std::string short_number(double value) { return fmt::format("{:.3g}", value); }
 
 Verdict judge_small(double lo, double hi, double pass, double fail) {

@@ -6,6 +6,7 @@
 
 #include "analyzer/math/poisson.hpp"
 #include "analyzer/report/section.hpp"
+#include "schema/fields.hpp"
 
 namespace tacho::cells {
 
@@ -14,6 +15,8 @@ Value maybe(std::optional<double> value, const std::string& reason);
 Value maybe(std::optional<std::int64_t> value, const std::string& reason);
 /// Empty text becomes Missing.
 Value text(std::string_view value, const std::string& reason);
+/// The name of a code, or its number where the list does not know it.
+Value code(FieldIndex f, const std::optional<std::int64_t>& code);
 
 Quantity missing(const std::string& unit, const std::string& reason);
 Quantity bounded(double value, double lo, double hi, const std::string& unit);

@@ -13,8 +13,6 @@
 namespace tacho::odometry {
 namespace {
 
-constexpr double kToDegrees = 180.0 / kPi;
-
 /// A row on a stretch: counter distance, localised and dead-reckoned pose, variance of the integrated heading.
 struct Node {
   double s = 0;

@@ -24,7 +24,7 @@ constexpr std::array<CauseText, kJumpCauseCount> kCauses{{
 }};
 
 constexpr auto kNear_us = static_cast<Micros>(kJitter * 2'000'000);
-constexpr double kTurning_radps = 0.02;
+constexpr double kTurningNow_radps = 0.02;
 
 /// What one pair of consecutive poses says.
 struct Step {
@@ -146,7 +146,7 @@ class Finder {
       const double seen = std::abs(i.twist.w) * i.dt_s;
       return std::max({bound, seen, fastest - seen});
     }
-    const bool turns = std::max(std::abs(a.w), std::abs(b.w)) > static_cast<float>(kTurning_radps);
+    const bool turns = std::max(std::abs(a.w), std::abs(b.w)) > static_cast<float>(kTurningNow_radps);
     return turns ? std::max(bound, 0.5 * fastest) : bound;
   }
 

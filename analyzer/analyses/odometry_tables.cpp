@@ -9,8 +9,6 @@
 namespace tacho::odometry {
 namespace {
 
-constexpr double kToDegrees = 180.0 / kPi;
-
 Value number_or(std::optional<double> value, const std::string& reason) {
   return value && std::isfinite(*value) ? Value{*value} : Value{Missing{reason}};
 }

@@ -82,4 +82,7 @@ void write_result(const std::string& text, const Options& options);
 /// Standard output, checked: a full disk or closed pipe behind it is an Error.
 void write_stdout(std::string_view text);
 
+/// For tables, whose whole numbers are signed.
+constexpr std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
+
 }  // namespace tacho::commands

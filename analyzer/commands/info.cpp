@@ -19,8 +19,6 @@ constexpr auto kSettings = std::to_array<SettingRow>({
 const ColumnSpec kRobot{"robot", "", "robot"};
 const ColumnSpec kSource{"source", "", "source"};
 
-std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
-
 Value time_or_missing(Micros t_us, const char* reason) {
   return t_us == 0 ? Value(Missing{reason}) : Value(Time{t_us});
 }
@@ -225,6 +223,9 @@ DataTable problems_table(const RowSource& log, const store::LogReader::Absent& a
 bool expected(const Field& field, Source source) {
   switch (source) {
     case Source::status:
+    case Source::ring:
+      return !field.json.key.empty() && !field.json.push_only;
+    case Source::push:
       return !field.json.key.empty();
     case Source::io:
       return field.kind == Kind::points;

@@ -9,8 +9,6 @@
 namespace tacho::commands {
 namespace {
 
-std::int64_t count(std::uint64_t n) { return static_cast<std::int64_t>(n); }
-
 Finding finding(const char* id, const char* title, std::uint64_t n, Verdict bad, const std::string& advice) {
   Finding f;
   f.id = id;

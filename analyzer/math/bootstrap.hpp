@@ -12,6 +12,9 @@
 
 namespace tacho {
 
+/// 97.5 % of a standard normal variable lie below it: 95 % limits are +- so many standard deviations.
+inline constexpr double kZ95 = 1.959963984540054;
+
 struct Limits {
   double lo = 0.0;
   double hi = 0.0;

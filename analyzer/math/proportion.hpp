@@ -9,11 +9,10 @@ namespace tacho {
 
 /// 95 % limits; n > 0.
 inline Limits wilson(double k, double n) {
-  constexpr double z = 1.959963984540054;
   const double p = k / n;
-  const double z2 = z * z;
+  const double z2 = kZ95 * kZ95;
   const double centre = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
-  const double half = z * std::sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n)) / (1.0 + z2 / n);
+  const double half = kZ95 * std::sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n)) / (1.0 + z2 / n);
   return {k == 0.0 ? 0.0 : centre - half, k == n ? 1.0 : centre + half};
 }
 

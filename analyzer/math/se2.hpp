@@ -12,6 +12,7 @@
 namespace tacho {
 
 inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kToDegrees = 180.0 / kPi;
 
 /// The same direction in (-pi, pi].
 inline double wrap_pi(double angle) {

@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "analyzer/math/bootstrap.hpp"
 #include "analyzer/math/robust.hpp"
 
 namespace tacho {
@@ -277,7 +278,7 @@ std::optional<SlopeLine> theil_sen(std::span<const double> x, std::span<const do
   const double full = static_cast<double>(x.size());
   const double all = full * (full - 1) * (2 * full + 5) / 18.0;
   const double variance = std::max(0.0, kendall_variance(x) + kendall_variance(y) - all) * options.factor;
-  const double reach = 1.959963984540054 * std::sqrt(variance);
+  const double reach = kZ95 * std::sqrt(variance);
   const double total = static_cast<double>(n);
   const double low = std::nearbyint((total - reach) / 2) - 1;
   const double high = std::nearbyint((total + reach) / 2);

@@ -17,6 +17,7 @@ struct Point {
   double x = 0.0;
   double y = 0.0;
 };
+inline double distance(Point a, Point b) { return std::hypot(b.x - a.x, b.y - a.y); }
 
 struct CellIndex {
   std::int64_t i = 0;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "analyzer/math/bootstrap.hpp"
+
 namespace tacho {
 namespace {
 
@@ -125,7 +127,7 @@ double hamed_rao_factor(std::span<const double> detrended, std::size_t max_lag) 
   }
   const double n = static_cast<double>(detrended.size());
   const Autocorrelation ranks(mean_ranks(detrended));
-  const double significant = 1.959963984540054 / std::sqrt(n);
+  const double significant = kZ95 / std::sqrt(n);
   double sum = 0.0;
   for (std::size_t lag = 1; lag <= std::min(max_lag, detrended.size() - 1); ++lag) {
     const double k = static_cast<double>(lag);

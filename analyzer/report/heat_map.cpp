@@ -12,7 +12,7 @@ namespace {
 constexpr Colour kPaper{0xFF, 0xFF, 0xFF};
 constexpr Colour kInk{0x22, 0x22, 0x22};
 constexpr Colour kSoft{0x77, 0x77, 0x77};
-constexpr Colour kLine{0xAA, 0xAA, 0xAA};
+constexpr Colour kFrame{0xAA, 0xAA, 0xAA};
 
 constexpr int kLeft = 76;
 constexpr int kTop = 52;
@@ -106,7 +106,7 @@ void draw_cells(Canvas& canvas, const Grid& grid, const GridLayer& layer, const 
 void draw_axes(Canvas& canvas, const Grid& grid, const MapGeometry& geometry) {
   const Transform to{grid, geometry};
   const Rect f = geometry.frame;
-  canvas.frame({f.x - 1, f.y - 1, f.width + 2, f.height + 2}, kLine);
+  canvas.frame({f.x - 1, f.y - 1, f.width + 2, f.height + 2}, kFrame);
   const double step = round_step((f.width + f.height) / 2.0 / to.pixels_per_metre(), 7);
   for (double k = std::ceil(to.x_of(f.x) / step); k * step <= to.x_of(f.x + f.width); ++k) {
     const int x = to.pixel_x(k * step);
@@ -161,7 +161,7 @@ void draw_legend(Canvas& canvas, const Grid& grid, const GridLayer& layer, const
   for (int y = 0; y < height; ++y) {
     canvas.fill({x, top + y, bar, 1}, viridis(1.0 - static_cast<double>(y) / (height - 1)));
   }
-  canvas.frame({x - 1, top - 1, bar + 2, height + 2}, kLine);
+  canvas.frame({x - 1, top - 1, bar + 2, height + 2}, kFrame);
   for (const double tick : scale.ticks) {
     const int y = top + as_int((1.0 - scale.share(tick)) * (height - 1));
     canvas.fill({x + bar + 1, y, 4, 1}, kSoft);
@@ -171,7 +171,7 @@ void draw_legend(Canvas& canvas, const Grid& grid, const GridLayer& layer, const
   int y = top + height + 14;
   const auto swatch = [&](Colour colour, const std::string& words) {
     canvas.fill({x, y, bar, 13}, colour);
-    canvas.frame({x - 1, y - 1, bar + 2, 15}, kLine);
+    canvas.frame({x - 1, y - 1, bar + 2, 15}, kFrame);
     canvas.text(x + bar + 8, y, words, kInk);
     y += 22;
   };

@@ -125,12 +125,21 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
 
 std::string_view TcpLink::body_of(Source source) const {
   static const std::string pose = wire::pose_request_body();
-  return source == Source::status ? options_.status_body : source == Source::pose ? pose : std::string_view();
+  switch (source) {
+    case Source::status:
+      return options_.status_body;
+    case Source::pose:
+      return pose;
+    case Source::ring:
+      return options_.ring_body;
+    default:
+      return {};
+  }
 }
 
 void TcpLink::judge(const wire::Frame& frame, bool first, Source source, PollResult& result) {
   const std::uint16_t request = request_of(source);
-  switch (wire::classify(frame, request)) {
+  switch (wire::classify(frame, wire::answer_type(request))) {
     case wire::AnswerClass::expected:
       judge_sequence(frame, first, result);
       if (result.ok) {

@@ -26,6 +26,7 @@ struct TcpLinkOptions {
   std::uint16_t port = 19204;
   std::uint8_t version = 1;                    ///< 1 for RBK 3.4, 2 for RBK 3.5; answers of any version are taken
   std::string status_body;                     ///< body of request 1100 (wire::status_request_body)
+  std::string ring_body = {};                  ///< the same, of the ring
   std::shared_ptr<StatusHint> hint = nullptr;  ///< told every status answer; may be null
 };
 
@@ -33,8 +34,8 @@ class TcpLink final : public Link {
  public:
   explicit TcpLink(TcpLinkOptions options);
 
-  /// `source`: status, io or pose. A controller that answers pose with everything it knows is not asked for it again:
-  /// PollResult::give_up.
+  /// `source`: status, io, pose or ring. A controller that answers pose with everything it knows is not asked for it
+  /// again: PollResult::give_up.
   PollResult poll(Source source, std::chrono::milliseconds timeout) override;
   [[nodiscard]] bool connected() const override { return socket_.connected(); }
   void close() override;

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cassert>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "samples/simulator/json_text.hpp"
@@ -277,6 +278,17 @@ std::array<std::uint8_t, 80> AnswerMaker::inputs(const RobotState& state) {
     }
   }
   return bits;
+}
+
+std::string AnswerMaker::push(const RobotState& state) {
+  nlohmann::ordered_json out{{"battery_extra", ""},         {"dsp_version", "v1.2.1"}, {"gyro_version", "v1.0"},
+                             {"map", {{"userData", "[]"}}}, {"model", "AMB-150"},      {"requestCurrent", 0.0},
+                             {"requestVoltage", 0.0},       {"version", "v3.4.7.12"}};
+  for (auto& [key, value] : nlohmann::ordered_json::parse(status(state)).items()) {
+    const std::string_view object = push_object(key);
+    (object.empty() ? out : out[std::string(object)])[key] = std::move(value);
+  }
+  return out.dump();
 }
 
 }  // namespace tacho::sim

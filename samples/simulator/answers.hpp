@@ -20,6 +20,8 @@ class AnswerMaker {
 
   /// Body of 11100. `keys` empty = everything; lasers only with `lasers`.
   std::string status(const RobotState& state, std::span<const std::string> keys = {}, bool lasers = false);
+  /// Body of a push: the same values, with jack, roller, hook and fork in objects of their own, and a few more keys.
+  std::string push(const RobotState& state);
   /// Body of 11013.
   std::string io(const RobotState& state);
   /// Registers [3x] 1-140; index 0 is documented address 1.

@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using Kind = Action::Kind;
-using When = LinkFault::When;
+using Stage = LinkFault::When;
 
 constexpr auto kLate = 400ms;       // longer than the timeout of a test, shorter than a person's patience
 constexpr auto kDripEvery = 20ms;   // a Modbus answer takes 4 s, a status answer minutes
@@ -135,67 +135,67 @@ Script exception(const Exchange& x) {
 
 // clang-format off
 const std::array kFaults{
-    LinkFault{"refuse", "nobody listens, connections are dropped", When::listening, false, silence, silence},
-    LinkFault{"silent_accept", "connected, never heard", When::connecting, false, silence, silence},
-    LinkFault{"close_on_accept", "closed as soon as connected", When::connecting, false, close, close},
-    LinkFault{"reset_on_accept", "reset as soon as connected", When::connecting, false, reset, reset},
-    LinkFault{"client_limit", "61001, too many clients", When::connecting, false, client_limit, nullptr},
-    LinkFault{"silence", "no answer", When::answering, false, silence, silence},
-    LinkFault{"close", "closed instead of an answer", When::answering, false, close, close},
-    LinkFault{"reset", "reset instead of an answer", When::answering, false, reset, reset},
-    LinkFault{"half_close", "end of file, but still connected", When::answering, false, half_close, half_close},
-    LinkFault{"answer_then_close", "one answer per connection", When::answering, true, answer_then_close, answer_then_close},
-    LinkFault{"answer_then_half_close", "an answer, then end of file", When::answering, true, answer_then_half_close, answer_then_half_close},
-    LinkFault{"close_after_few", "closed after three answers", When::answering, false, close_after_few, close_after_few},
-    LinkFault{"slow", "20 ms late", When::answering, true, slow, slow},
-    LinkFault{"late", "400 ms late", When::answering, false, late, late},
-    LinkFault{"duplicate", "every answer twice in one packet", When::answering, true, duplicate, duplicate},
-    LinkFault{"duplicate_soon", "every answer again 3 ms later", When::answering, false, duplicate_soon, duplicate_soon},
-    LinkFault{"duplicate_late", "every answer again 400 ms later", When::answering, false, duplicate_late, duplicate_late},
-    LinkFault{"previous_first", "the answer before, then the right one", When::answering, false, previous_first, previous_first},
-    LinkFault{"previous_instead", "the answer before instead", When::answering, false, previous_instead, previous_instead},
-    LinkFault{"one_behind", "every answer comes after the next request", When::answering, false, one_behind, one_behind},
-    LinkFault{"cut_header", "five bytes, then silence", When::answering, false, cut_header, cut_header},
-    LinkFault{"cut_body", "two thirds, then silence", When::answering, false, cut_body, cut_body},
-    LinkFault{"cut_body_close", "two thirds, then closed", When::answering, false, cut_body_close, cut_body_close},
-    LinkFault{"cut_last_byte", "the last byte is missing", When::answering, false, cut_last_byte, cut_last_byte},
-    LinkFault{"two_pieces", "the header is split over two packets", When::answering, true, two_pieces, two_pieces},
-    LinkFault{"byte_at_a_time", "one packet per byte", When::answering, true, byte_at_a_time, byte_at_a_time},
-    LinkFault{"slow_drip", "one byte every 20 ms", When::answering, false, slow_drip, slow_drip},
-    LinkFault{"garbage_before", "two bytes before the answer", When::answering, false, garbage_before, garbage_before},
-    LinkFault{"garbage_behind", "two bytes behind the answer", When::answering, true, garbage_behind, garbage_behind},
-    LinkFault{"http", "another service on the port", When::answering, false, http, http},
-    LinkFault{"zeros", "as many zeros as bytes", When::answering, false, zeros, zeros},
-    LinkFault{"random_bytes", "as many random bytes", When::answering, false, random_bytes, random_bytes},
-    LinkFault{"huge_length", "a length of 2 GiB, or of 32 KiB on Modbus", When::answering, false, huge_length, edited<4, 0x7F>},
-    LinkFault{"long_length", "a length larger than the answer", When::answering, false, long_length, edited<5, 1>},
-    LinkFault{"short_length", "a length smaller than the answer", When::answering, false, nullptr, edited<5, -1>},
-    LinkFault{"wrong_sequence", "another sequence or transaction number", When::answering, false, edited<3, 77>, edited<1, 77>},
-    LinkFault{"wrong_type", "the type of another answer, or another function", When::answering, false, edited<9, 1>, edited<7, -1>},
-    LinkFault{"wrong_start", "another first byte, or another protocol number", When::answering, false, edited<0, 1>, edited<3, 1>},
-    LinkFault{"wrong_unit", "another unit answers", When::answering, false, nullptr, edited<6, 8>},
-    LinkFault{"wrong_byte_count", "a byte count that is not the one asked for", When::answering, false, nullptr, edited<8, 2>},
-    LinkFault{"exception_1", "illegal function", When::answering, false, nullptr, exception<1>},
-    LinkFault{"exception_2", "illegal data address", When::answering, false, nullptr, exception<2>},
-    LinkFault{"exception_3", "illegal data value", When::answering, false, nullptr, exception<3>},
-    LinkFault{"exception_4", "device failure", When::answering, false, nullptr, exception<4>},
-    LinkFault{"exception_5", "acknowledge", When::answering, false, nullptr, exception<5>},
-    LinkFault{"exception_6", "device busy", When::answering, false, nullptr, exception<6>},
-    LinkFault{"exception_10", "gateway path unavailable", When::answering, false, nullptr, exception<10>},
-    LinkFault{"exception_11", "gateway target did not respond", When::answering, false, nullptr, exception<11>},
-    LinkFault{"error_60000", "wrong port", When::answering, false, error_frame<60000>, nullptr},
-    LinkFault{"error_60001", "unknown request", When::answering, false, error_frame<60001>, nullptr},
-    LinkFault{"error_60002", "bad JSON", When::answering, false, error_frame<60002>, nullptr},
-    LinkFault{"error_60003", "wrong version", When::answering, false, error_frame<60003>, nullptr},
-    LinkFault{"error_60004", "too large", When::answering, false, error_frame<60004>, nullptr},
-    LinkFault{"unasked", "a pushed frame before the answer", When::answering, false, unasked, nullptr},
-    LinkFault{"other_version", "another version byte", When::answering, true, edited<1, 1>, nullptr},
-    LinkFault{"reserved_bytes", "other reserved bytes", When::answering, true, reserved_bytes, nullptr},
-    LinkFault{"empty_body", "no body", When::answering, true, empty_body, nullptr},
-    LinkFault{"no_json", "a body that is no JSON", When::answering, true, no_json, nullptr},
-    LinkFault{"cut_json", "half a JSON text in a whole frame", When::answering, true, cut_json, nullptr},
-    LinkFault{"bad_utf8", "a text that is no UTF-8", When::answering, true, bad_utf8, nullptr},
-    LinkFault{"compressed", "a compressed body", When::answering, true, compressed, nullptr},
+    LinkFault{"refuse", "nobody listens, connections are dropped", Stage::listening, false, silence, silence},
+    LinkFault{"silent_accept", "connected, never heard", Stage::connecting, false, silence, silence},
+    LinkFault{"close_on_accept", "closed as soon as connected", Stage::connecting, false, close, close},
+    LinkFault{"reset_on_accept", "reset as soon as connected", Stage::connecting, false, reset, reset},
+    LinkFault{"client_limit", "61001, too many clients", Stage::connecting, false, client_limit, nullptr},
+    LinkFault{"silence", "no answer", Stage::answering, false, silence, silence},
+    LinkFault{"close", "closed instead of an answer", Stage::answering, false, close, close},
+    LinkFault{"reset", "reset instead of an answer", Stage::answering, false, reset, reset},
+    LinkFault{"half_close", "end of file, but still connected", Stage::answering, false, half_close, half_close},
+    LinkFault{"answer_then_close", "one answer per connection", Stage::answering, true, answer_then_close, answer_then_close},
+    LinkFault{"answer_then_half_close", "an answer, then end of file", Stage::answering, true, answer_then_half_close, answer_then_half_close},
+    LinkFault{"close_after_few", "closed after three answers", Stage::answering, false, close_after_few, close_after_few},
+    LinkFault{"slow", "20 ms late", Stage::answering, true, slow, slow},
+    LinkFault{"late", "400 ms late", Stage::answering, false, late, late},
+    LinkFault{"duplicate", "every answer twice in one packet", Stage::answering, true, duplicate, duplicate},
+    LinkFault{"duplicate_soon", "every answer again 3 ms later", Stage::answering, false, duplicate_soon, duplicate_soon},
+    LinkFault{"duplicate_late", "every answer again 400 ms later", Stage::answering, false, duplicate_late, duplicate_late},
+    LinkFault{"previous_first", "the answer before, then the right one", Stage::answering, false, previous_first, previous_first},
+    LinkFault{"previous_instead", "the answer before instead", Stage::answering, false, previous_instead, previous_instead},
+    LinkFault{"one_behind", "every answer comes after the next request", Stage::answering, false, one_behind, one_behind},
+    LinkFault{"cut_header", "five bytes, then silence", Stage::answering, false, cut_header, cut_header},
+    LinkFault{"cut_body", "two thirds, then silence", Stage::answering, false, cut_body, cut_body},
+    LinkFault{"cut_body_close", "two thirds, then closed", Stage::answering, false, cut_body_close, cut_body_close},
+    LinkFault{"cut_last_byte", "the last byte is missing", Stage::answering, false, cut_last_byte, cut_last_byte},
+    LinkFault{"two_pieces", "the header is split over two packets", Stage::answering, true, two_pieces, two_pieces},
+    LinkFault{"byte_at_a_time", "one packet per byte", Stage::answering, true, byte_at_a_time, byte_at_a_time},
+    LinkFault{"slow_drip", "one byte every 20 ms", Stage::answering, false, slow_drip, slow_drip},
+    LinkFault{"garbage_before", "two bytes before the answer", Stage::answering, false, garbage_before, garbage_before},
+    LinkFault{"garbage_behind", "two bytes behind the answer", Stage::answering, true, garbage_behind, garbage_behind},
+    LinkFault{"http", "another service on the port", Stage::answering, false, http, http},
+    LinkFault{"zeros", "as many zeros as bytes", Stage::answering, false, zeros, zeros},
+    LinkFault{"random_bytes", "as many random bytes", Stage::answering, false, random_bytes, random_bytes},
+    LinkFault{"huge_length", "a length of 2 GiB, or of 32 KiB on Modbus", Stage::answering, false, huge_length, edited<4, 0x7F>},
+    LinkFault{"long_length", "a length larger than the answer", Stage::answering, false, long_length, edited<5, 1>},
+    LinkFault{"short_length", "a length smaller than the answer", Stage::answering, false, nullptr, edited<5, -1>},
+    LinkFault{"wrong_sequence", "another sequence or transaction number", Stage::answering, false, edited<3, 77>, edited<1, 77>},
+    LinkFault{"wrong_type", "the type of another answer, or another function", Stage::answering, false, edited<9, 1>, edited<7, -1>},
+    LinkFault{"wrong_start", "another first byte, or another protocol number", Stage::answering, false, edited<0, 1>, edited<3, 1>},
+    LinkFault{"wrong_unit", "another unit answers", Stage::answering, false, nullptr, edited<6, 8>},
+    LinkFault{"wrong_byte_count", "a byte count that is not the one asked for", Stage::answering, false, nullptr, edited<8, 2>},
+    LinkFault{"exception_1", "illegal function", Stage::answering, false, nullptr, exception<1>},
+    LinkFault{"exception_2", "illegal data address", Stage::answering, false, nullptr, exception<2>},
+    LinkFault{"exception_3", "illegal data value", Stage::answering, false, nullptr, exception<3>},
+    LinkFault{"exception_4", "device failure", Stage::answering, false, nullptr, exception<4>},
+    LinkFault{"exception_5", "acknowledge", Stage::answering, false, nullptr, exception<5>},
+    LinkFault{"exception_6", "device busy", Stage::answering, false, nullptr, exception<6>},
+    LinkFault{"exception_10", "gateway path unavailable", Stage::answering, false, nullptr, exception<10>},
+    LinkFault{"exception_11", "gateway target did not respond", Stage::answering, false, nullptr, exception<11>},
+    LinkFault{"error_60000", "wrong port", Stage::answering, false, error_frame<60000>, nullptr},
+    LinkFault{"error_60001", "unknown request", Stage::answering, false, error_frame<60001>, nullptr},
+    LinkFault{"error_60002", "bad JSON", Stage::answering, false, error_frame<60002>, nullptr},
+    LinkFault{"error_60003", "wrong version", Stage::answering, false, error_frame<60003>, nullptr},
+    LinkFault{"error_60004", "too large", Stage::answering, false, error_frame<60004>, nullptr},
+    LinkFault{"unasked", "a pushed frame before the answer", Stage::answering, false, unasked, nullptr},
+    LinkFault{"other_version", "another version byte", Stage::answering, true, edited<1, 1>, nullptr},
+    LinkFault{"reserved_bytes", "other reserved bytes", Stage::answering, true, reserved_bytes, nullptr},
+    LinkFault{"empty_body", "no body", Stage::answering, true, empty_body, nullptr},
+    LinkFault{"no_json", "a body that is no JSON", Stage::answering, true, no_json, nullptr},
+    LinkFault{"cut_json", "half a JSON text in a whole frame", Stage::answering, true, cut_json, nullptr},
+    LinkFault{"bad_utf8", "a text that is no UTF-8", Stage::answering, true, bad_utf8, nullptr},
+    LinkFault{"compressed", "a compressed body", Stage::answering, true, compressed, nullptr},
 };
 // clang-format on
 
@@ -213,7 +213,9 @@ double parse_seconds(std::string_view text, const std::string& whole) {
 
 }  // namespace
 
-std::string_view port_name(Port port) { return port == Port::status ? "status" : "modbus"; }
+std::string_view port_name(Port port) {
+  return port == Port::status ? "status" : port == Port::modbus ? "modbus" : "push";
+}
 
 std::span<const LinkFault> link_faults() { return kFaults; }
 
@@ -226,7 +228,7 @@ const LinkFault* find_link_fault(std::string_view name) {
 FaultWindow parse_fault_window(const std::string& text) {
   FaultWindow window;
   std::string_view rest = text;
-  for (const Port port : {Port::status, Port::modbus}) {
+  for (const Port port : kPorts) {
     const std::string prefix = std::string(port_name(port)) + ":";
     if (rest.substr(0, prefix.size()) == prefix) {
       window.port = port;
@@ -293,17 +295,17 @@ const LinkFault* FaultPlan::active(Port port) const {
 
 bool FaultPlan::listens(Port port) const {
   const LinkFault* const fault = active(port);
-  return fault == nullptr || fault->when != When::listening;
+  return fault == nullptr || fault->when != Stage::listening;
 }
 
 std::optional<Script> FaultPlan::welcome(Port port) const {
   const LinkFault* const fault = active(port);
-  return fault != nullptr && fault->when == When::connecting ? std::optional(fault->on(port)({})) : std::nullopt;
+  return fault != nullptr && fault->when == Stage::connecting ? std::optional(fault->on(port)({})) : std::nullopt;
 }
 
 Script FaultPlan::answer(Port port, const Exchange& exchange) const {
   const LinkFault* const fault = active(port);
-  if (fault == nullptr || fault->when != When::answering) {
+  if (fault == nullptr || fault->when != Stage::answering) {
     return {send(exchange.answer)};
   }
   return fault->on(port)(exchange);

@@ -16,7 +16,9 @@
 
 namespace tacho::sim {
 
-enum class Port : std::uint8_t { status, modbus };
+/// `push` has the faults of `status`.
+enum class Port : std::uint8_t { status, modbus, push };
+inline constexpr std::array kPorts{Port::status, Port::modbus, Port::push};
 std::string_view port_name(Port port);
 
 /// One request and what belongs to it. At the moment a client connects all is empty.
@@ -37,7 +39,7 @@ struct LinkFault {
   bool harmless = false;  ///< answers still arrive whole and in time
   Make status = nullptr;  ///< null: does not exist on that port
   Make modbus = nullptr;
-  [[nodiscard]] Make on(Port port) const { return port == Port::status ? status : modbus; }
+  [[nodiscard]] Make on(Port port) const { return port == Port::modbus ? modbus : status; }
 };
 
 /// In the order of the README.
@@ -76,8 +78,8 @@ class FaultPlan {
   std::vector<FaultWindow> windows_;
   std::chrono::steady_clock::time_point start_;
   mutable std::mutex mutex_;  // the two below
-  std::array<bool, 2> overridden_{};
-  std::array<const LinkFault*, 2> forced_{};
+  std::array<bool, kPorts.size()> overridden_{};
+  std::array<const LinkFault*, kPorts.size()> forced_{};
 };
 
 }  // namespace tacho::sim

@@ -44,6 +44,11 @@ std::string LiveRobot::status(std::span<const std::string> keys, bool lasers) {
   return answers_.status(now(), scenario_.ignores_keys ? std::span<const std::string>() : keys, lasers);
 }
 
+std::string LiveRobot::push() {
+  const std::lock_guard lock(mutex_);
+  return answers_.push(now());
+}
+
 std::string LiveRobot::io() {
   const std::lock_guard lock(mutex_);
   return scenario_.io_body_file.empty() ? answers_.io(now()) : io_body_;

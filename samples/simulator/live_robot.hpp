@@ -19,6 +19,7 @@ class LiveRobot {
 
   std::string status(std::span<const std::string> keys, bool lasers);
   std::string io();
+  std::string push();
   std::array<std::uint16_t, 140> registers();
   std::array<std::uint8_t, 80> inputs();
   Truth truth();

@@ -26,6 +26,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   // serve
   std::string bind = "127.0.0.1";
+  std::string push_every = "500ms";
   std::string truth;
   std::string duration;
   int max_clients = 10;
@@ -38,26 +39,28 @@ struct Arguments {
   double rate = 1;
   double io_rate = 0;
   double pose_rate = 0;
+  double push_rate = 0;
   double registers_rate = 0;
   double inputs_rate = 0;
 };
 
-// "NAME", "NAME:19204" or "NAME:19204:502"
+// "NAME", "NAME:19204", "NAME:19204:502" or "NAME:19204:502:19301"
 ServedRobot parse_robot(const std::string& text) {
   ServedRobot robot;
   std::vector<std::string> parts = CLI::detail::split(text, ':');
   const auto port = [&text](const std::string& part) {
     unsigned value = 0;
     if (!CLI::detail::lexical_cast(part, value) || value > 65535) {
-      throw CLI::ValidationError("--robot", "'" + text + "' is not NAME[:STATUS_PORT[:MODBUS_PORT]]");
+      throw CLI::ValidationError("--robot", "'" + text + "' is not NAME[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]]");
     }
     return static_cast<std::uint16_t>(value);
   };
   robot.scenario.name = parts[0];
   robot.status_port = parts.size() > 1 ? port(parts[1]) : std::uint16_t{0};
   robot.modbus_port = parts.size() > 2 ? port(parts[2]) : std::uint16_t{0};
-  if (parts.size() > 3 || parts[0].empty()) {
-    throw CLI::ValidationError("--robot", "'" + text + "' is not NAME[:STATUS_PORT[:MODBUS_PORT]]");
+  robot.push_port = parts.size() > 3 ? port(parts[3]) : std::uint16_t{0};
+  if (parts.size() > 4 || parts[0].empty()) {
+    throw CLI::ValidationError("--robot", "'" + text + "' is not NAME[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]]");
   }
   return robot;
 }
@@ -84,16 +87,16 @@ std::vector<ServedRobot> robots_of(const Arguments& arguments) {
   }
   if (robots.empty()) {
     for (const Scenario& scenario : scenarios) {
-      robots.push_back({scenario, 0, 0});
+      robots.push_back({scenario, 0, 0, 0});
     }
   }
   return robots;
 }
 
-Micros duration_of(const std::string& text) {
+Micros duration_of(const std::string& text, const std::string& option) {
   const std::optional<Micros> duration = parse_duration(text);
-  if (!duration) {
-    throw CLI::ValidationError("--for", "'" + text + "' is no duration; write 90s, 5min, 2h or 1d");
+  if (!duration || *duration <= 0) {
+    throw CLI::ValidationError(option, "'" + text + "' is no duration; write 90s, 5min, 2h or 1d");
   }
   return *duration;
 }
@@ -135,7 +138,7 @@ void print_faults() {
 
 int serve(const Arguments& arguments) {
   const std::optional<Micros> duration =
-      arguments.duration.empty() ? std::nullopt : std::optional(duration_of(arguments.duration));
+      arguments.duration.empty() ? std::nullopt : std::optional(duration_of(arguments.duration, "--for"));
   if (arguments.list_faults) {
     print_faults();
     return 0;
@@ -154,13 +157,15 @@ int serve(const Arguments& arguments) {
 
   ServeOptions options;
   options.bind = arguments.bind;
+  options.push_period_us = duration_of(arguments.push_every, "--push-every");
   options.truth_file = arguments.truth;
   options.max_clients = arguments.max_clients;
   Server server(robots, options);
   const std::string host = arguments.bind == "0.0.0.0" ? "127.0.0.1" : arguments.bind;
   std::string command = "run tacho-recorder run";
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    const std::string address = fmt::format("{}:{}:{}", host, server.status_port(i), server.modbus_port(i));
+    const std::string address =
+        fmt::format("{}:{}:{}:{}", host, server.status_port(i), server.modbus_port(i), server.push_port(i));
     fmt::print("robot {} {}\n", robots[i].scenario.name, address);
     command += fmt::format(" --robot {}={}", robots[i].scenario.name, address);
   }
@@ -188,6 +193,7 @@ int write(const Arguments& arguments) {
   options.status_period_us = period_of(arguments.rate);
   options.io_period_us = period_of(arguments.io_rate);
   options.pose_period_us = period_of(arguments.pose_rate);
+  options.push_period_us = period_of(arguments.push_rate);
   options.registers_period_us = period_of(arguments.registers_rate);
   options.inputs_period_us = period_of(arguments.inputs_rate);
   if (isatty(STDERR_FILENO) != 0) {
@@ -218,12 +224,15 @@ int run(int argc, char** argv) {
 
   CLI::App* serving = app.add_subcommand("serve", "serve robots in real time, to record from");
   common_options(*serving, a);
-  serving->add_option("--robot", a.robots, "NAME[:STATUS_PORT[:MODBUS_PORT]], repeatable; port 0 = any free one");
+  serving->add_option("--robot", a.robots,
+                      "NAME[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]], repeatable; port 0 = any free one");
+  serving->add_option("--push-every", a.push_every, "period of the push port, for example 100ms")
+      ->capture_default_str();
   serving->add_option("--truth", a.truth, "file for what was true, written at the end");
   serving->add_option("--for", a.duration, "how long, for example 60s or 2h; else until interrupted");
   serving->add_option(
       "--fault", a.faults,
-      "[status:|modbus:]NAME[@FROM..TO], seconds; what goes wrong on the ports of all robots; repeatable");
+      "[status:|modbus:|push:]NAME[@FROM..TO], seconds; what goes wrong on the ports of all robots; repeatable");
   serving->add_flag("--list-faults", a.list_faults, "lists the names for --fault and what they do");
   serving->add_option("--bind", a.bind, "address to listen on")->capture_default_str();
   serving->add_option("--max-clients", a.max_clients, "further ones are refused")
@@ -242,6 +251,7 @@ int run(int argc, char** argv) {
   rate("--rate", a.rate, "status answers per second; 0 = none");
   rate("--io-rate", a.io_rate, "io answers per second");
   rate("--pose-rate", a.pose_rate, "pose answers per second");
+  rate("--push-rate", a.push_rate, "pushes per second");
   rate("--registers-rate", a.registers_rate, "register sweeps per second");
   rate("--inputs-rate", a.inputs_rate, "reads of the discrete inputs per second");
 

@@ -15,7 +15,7 @@ namespace {
 constexpr int kReadDiscreteInputs = 2;
 constexpr int kReadInputRegisters = 4;
 constexpr std::size_t kUnitAt = 6;
-constexpr std::size_t kFunctionAt = 7;
+constexpr std::size_t kRequestFunctionAt = 7;
 constexpr int kInputs = 80;
 constexpr int kRegisters = 140;
 
@@ -89,7 +89,7 @@ std::string ModbusServer::answer(std::span<const std::uint8_t> request) {
   modbus_mapping_t* mapping = protocol_->mapping.get();
   modbus_set_socket(context, protocol_->pipe[0].get());
   const auto size = static_cast<int>(request.size());
-  switch (request[kFunctionAt]) {
+  switch (request[kRequestFunctionAt]) {
     case kReadInputRegisters: {
       const auto words = robot_.registers();
       std::copy(words.begin(), words.end(), mapping->tab_input_registers);

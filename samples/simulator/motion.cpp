@@ -1,4 +1,5 @@
 #include "samples/simulator/motion.hpp"
+#include "schema/time.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +10,6 @@ namespace {
 constexpr double kShortest = 1e-9;  // metres or radians; less is rounding
 
 Micros whole_micros(double seconds) { return std::max<Micros>(0, std::llround(seconds * 1e6)); }
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
 
 struct Phase {
   double speed0 = 0;
@@ -25,13 +25,13 @@ std::array<Phase, 3> trapezoid(double distance, double u0, double u1, double lim
   const Micros up = whole_micros((peak - u0) / accel);
   const Micros flat = whole_micros((distance - ramp) / peak);
   const Micros down = whole_micros((peak - u1) / accel);
-  const double weight = seconds(up) / 2 + seconds(flat) + seconds(down) / 2;
+  const double weight = to_seconds(up) / 2 + to_seconds(flat) + to_seconds(down) / 2;
   if (weight <= 0) {
     return {};
   }
-  peak = (distance - u0 * seconds(up) / 2 - u1 * seconds(down) / 2) / weight;
-  return {Phase{u0, up > 0 ? (peak - u0) / seconds(up) : 0.0, up}, Phase{peak, 0.0, flat},
-          Phase{peak, down > 0 ? (u1 - peak) / seconds(down) : 0.0, down}};
+  peak = (distance - u0 * to_seconds(up) / 2 - u1 * to_seconds(down) / 2) / weight;
+  return {Phase{u0, up > 0 ? (peak - u0) / to_seconds(up) : 0.0, up}, Phase{peak, 0.0, flat},
+          Phase{peak, down > 0 ? (u1 - peak) / to_seconds(down) : 0.0, down}};
 }
 
 // Appends a piece that starts where the last one ended.
@@ -92,7 +92,7 @@ Kinematics kinematics(const Piece& piece, double tau_s) {
   return k;
 }
 
-Kinematics kinematics_at(const Piece& piece, Micros t_us) { return kinematics(piece, seconds(t_us - piece.t0_us)); }
+Kinematics kinematics_at(const Piece& piece, Micros t_us) { return kinematics(piece, to_seconds(t_us - piece.t0_us)); }
 
 Piece head(const Piece& piece, Micros t_us) {
   Piece result = piece;
@@ -102,7 +102,7 @@ Piece head(const Piece& piece, Micros t_us) {
 
 Piece tail(const Piece& piece, Micros t_us) {
   Piece result = piece;
-  const double tau = seconds(t_us - piece.t0_us);
+  const double tau = to_seconds(t_us - piece.t0_us);
   result.start = kinematics(piece, tau).pose;
   result.t0_us = t_us;
   result.duration_us = piece.end_us() - t_us;
@@ -146,13 +146,13 @@ std::vector<Piece> plan_brake(const Run& run, Pose start, Micros t_us, double sp
     const double left = speed * speed - 2 * brake_mps2 * stretch.length_m;
     if (left <= 0) {
       const Micros duration = whole_micros(speed / brake_mps2);
-      chain(pieces, along(stretch, {speed, duration > 0 ? -speed / seconds(duration) : 0.0, duration}, direction),
+      chain(pieces, along(stretch, {speed, duration > 0 ? -speed / to_seconds(duration) : 0.0, duration}, direction),
             start, t_us);
       break;
     }
     const Micros duration = std::max<Micros>(1, whole_micros(2 * stretch.length_m / (speed + std::sqrt(left))));
-    const double next = 2 * stretch.length_m / seconds(duration) - speed;
-    chain(pieces, along(stretch, {speed, (next - speed) / seconds(duration), duration}, direction), start, t_us);
+    const double next = 2 * stretch.length_m / to_seconds(duration) - speed;
+    chain(pieces, along(stretch, {speed, (next - speed) / to_seconds(duration), duration}, direction), start, t_us);
     speed = next;
   }
   return pieces;

@@ -128,10 +128,11 @@ bool take_step(const Action& step, const Descriptor& socket) {
 
 }  // namespace
 
-ClientLoop::ClientLoop(Listener listener, Welcome welcome, Open open)
+ClientLoop::ClientLoop(Listener listener, Welcome welcome, Open open, Repeat repeat)
     : listener_(std::move(listener)),
       welcome_(std::move(welcome)),
       open_(std::move(open)),
+      repeat_(std::move(repeat)),
       thread_([this] { run(); }) {}
 
 ClientLoop::~ClientLoop() { stop_.signal(); }
@@ -161,6 +162,9 @@ int ClientLoop::patience_ms() const {
     if (!client.steps.empty()) {
       least = std::min(least, std::max(Clock::duration::zero(), client.steps.front().at - Clock::now()));
     }
+  }
+  if (repeat_.make) {
+    least = std::min(least, std::max(Clock::duration::zero(), repeat_at_ - Clock::now()));
   }
   const auto ms = static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(least).count());
   return open_ ? std::min(ms, kOpenCheckMs) : ms;
@@ -192,6 +196,7 @@ void ClientLoop::run() {
     if (fds[0].revents != 0) {
       return;
     }
+    repeat();
     for (std::size_t i = clients_.size(); i-- > 0;) {
       Client& client = clients_[i];
       Script script;
@@ -204,6 +209,17 @@ void ClientLoop::run() {
     if (fds[1].revents != 0) {
       accept_one();
     }
+  }
+}
+
+void ClientLoop::repeat() {
+  if (!repeat_.make || Clock::now() < repeat_at_) {
+    return;
+  }
+  repeat_at_ += repeat_.period;
+  const Script script = repeat_.make();
+  for (Client& client : clients_) {
+    append(script, client);
   }
 }
 

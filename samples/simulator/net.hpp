@@ -81,6 +81,12 @@ struct Action {
 /// A whole answer, as a rule one step: send.
 using Script = std::vector<Action>;
 
+/// What every client is sent, how often. Empty: nothing.
+struct Repeat {
+  std::function<Script()> make;
+  std::chrono::microseconds period{0};
+};
+
 /// Accepts clients and serves them, on one thread from construction to destruction. Steps that wait delay nobody else;
 /// they end with their connection.
 class ClientLoop {
@@ -92,7 +98,7 @@ class ClientLoop {
   /// Asked often: false refuses new clients and drops those there are. Empty: always true.
   using Open = std::function<bool()>;
 
-  ClientLoop(Listener listener, Welcome welcome, Open open = {});
+  ClientLoop(Listener listener, Welcome welcome, Open open = {}, Repeat repeat = {});
   ~ClientLoop();
   ClientLoop(const ClientLoop&) = delete;
   ClientLoop& operator=(const ClientLoop&) = delete;
@@ -112,12 +118,15 @@ class ClientLoop {
   Listener listener_;
   Welcome welcome_;
   Open open_;
+  Repeat repeat_;
+  Clock::time_point repeat_at_ = Clock::now();
   Wakeup stop_;
   std::vector<Client> clients_;
   std::jthread thread_;  // last: joined before the rest goes
 
   void run();
   void open_or_refuse();
+  void repeat();
   void accept_one();
   [[nodiscard]] int patience_ms() const;
   static void append(Script script, Client& client);

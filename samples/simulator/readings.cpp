@@ -17,7 +17,6 @@ constexpr double kTwistNoise = 1e-4;
 constexpr Micros kCycle = 50'000;                // of the controller: all sources asked within one show the same noise
 constexpr double kStationRadiusRegister = 0.50;  // 1100 uses 0.30
 constexpr std::int64_t kNoReflectors = 54018;
-constexpr std::int64_t kMotorEmergencyStop = 54004;
 constexpr int kLoadInput = 12;
 
 enum Channel : std::uint64_t {

@@ -7,6 +7,7 @@
 
 #include "samples/simulator/robot_clock.hpp"
 #include "samples/simulator/work.hpp"
+#include "schema/time.hpp"
 
 namespace tacho::sim {
 namespace {
@@ -14,10 +15,7 @@ namespace {
 constexpr double kUptimeAtStartS = 5 * 3600 + 407.5;
 constexpr int kCycleAtStart = 57;
 constexpr int kSlowReason = 1;  // laser
-constexpr std::int64_t kMotorEmergencyStop = 54004;
 constexpr double kAtStation = 0.30;
-
-double seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
 
 std::string station_id(int station) {
   return station < 0 ? std::string() : std::string(kStations[static_cast<std::size_t>(station)].id);
@@ -66,7 +64,7 @@ void Robot::Impl::update(Micros t_us) {
   alarms.active(t_us, scenario.clock_offset_s, state.alarms);
   state.emergency = std::any_of(state.alarms.begin(), state.alarms.end(),
                                 [](const ActiveAlarm& alarm) { return alarm.code == kMotorEmergencyStop; });
-  state.uptime_s = kUptimeAtStartS + seconds(t_us - t0_us);
+  state.uptime_s = kUptimeAtStartS + to_seconds(t_us - t0_us);
   state.clock_fault_us = clock_fault_us(scenario, t_us - t0_us);
 }
 
@@ -94,7 +92,7 @@ void Robot::Impl::update_motion(const Segment& segment) {
   }
   const bool first_day = midnights_passed == 0;
   state.today_wheel_path_m = state.wheel_path_m - (first_day ? 0.0 : days.wheel_path_m[midnights_passed - 1]);
-  state.today_s = seconds(state.t_us - (first_day ? t0_us : days.midnight_us[midnights_passed - 1]));
+  state.today_s = to_seconds(state.t_us - (first_day ? t0_us : days.midnight_us[midnights_passed - 1]));
 
   state.blocked = segment.blocked;
   state.slowed = motion.slowed;
@@ -113,7 +111,7 @@ void Robot::Impl::update_motion(const Segment& segment) {
 }
 
 void Robot::Impl::update_battery(const Segment& segment) {
-  const double tau_s = seconds(state.t_us - segment.motion.t0_us);
+  const double tau_s = to_seconds(state.t_us - segment.motion.t0_us);
   const Kinematics k = kinematics(segment.motion, tau_s);
   const BatteryState now = Battery::after(segment.battery, k, tau_s);
   state.soc = now.soc;
@@ -123,7 +121,7 @@ void Robot::Impl::update_battery(const Segment& segment) {
   state.soc_variation = now.variation;
   state.charging = segment.charging;
   state.current_a = Battery::current_a(segment.battery, segment.motion, k, tau_s);
-  state.voltage_v = battery.voltage_v(now.soc, state.current_a, seconds(state.t_us - t0_us));
+  state.voltage_v = battery.voltage_v(now.soc, state.current_a, to_seconds(state.t_us - t0_us));
   state.battery_temp_c = Battery::temperature_c(now.heat_k, state.t_us);
   if (scenario.cycle_share > 0) {
     const double discharged = (now.variation + scenario.soc_start - now.soc) / 2;

@@ -19,6 +19,9 @@
 
 namespace tacho::sim {
 
+/// Raised while the motors are in emergency stop.
+inline constexpr std::int64_t kMotorEmergencyStop = 54004;
+
 struct ActiveAlarm {
   AlarmLevel level = AlarmLevel::warning;
   std::int64_t code = 0;

@@ -181,7 +181,7 @@ void read(const Place& place, const Json& value, WordOrder& out) { read_name(pla
 void read(const Place& place, const Json& value, AlarmLevel& out) { read_name(place, value, alarm_level_name, out); }
 
 void read(const Place& place, const Json& value, std::optional<Port>& out) {
-  for (const Port port : {Port::status, Port::modbus}) {
+  for (const Port port : kPorts) {
     if (value.is_string() && value.get<std::string>() == port_name(port)) {
       out = port;
       return;

@@ -1,5 +1,5 @@
 #pragma once
-// Simulated robots on 127.0.0.1: Robokit status port and Modbus TCP per robot, in real time.
+// Simulated robots on 127.0.0.1: Robokit status and push port and Modbus TCP per robot, in real time.
 
 #include <cstdint>
 #include <memory>
@@ -15,10 +15,12 @@ struct ServedRobot {
   Scenario scenario;
   std::uint16_t status_port = 0;  ///< 0 = any free one
   std::uint16_t modbus_port = 0;
+  std::uint16_t push_port = 0;
 };
 
 struct ServeOptions {
   std::string bind = "127.0.0.1";
+  Micros push_period_us = 500'000;
   std::string truth_file;  ///< written by finish() or at the end; empty = none
   int max_clients = 10;    ///< further ones get the 19204 / 61001 frame
 };
@@ -32,6 +34,7 @@ class Server {
 
   [[nodiscard]] std::uint16_t status_port(std::size_t robot) const;
   [[nodiscard]] std::uint16_t modbus_port(std::size_t robot) const;
+  [[nodiscard]] std::uint16_t push_port(std::size_t robot) const;
   /// Closes listeners and connections of one robot, as if it were switched off; `start` brings it back on the same
   /// ports.
   void stop(std::size_t robot);

@@ -111,6 +111,7 @@ void LogMaker::add_robot(const Scenario& scenario) {
   add_source(Source::registers, options_.registers_period_us);
   add_source(Source::inputs, options_.inputs_period_us);
   add_source(Source::pose, options_.pose_period_us);
+  add_source(Source::push, options_.push_period_us);
 }
 
 void LogMaker::add_source(Source source, Micros period_us) {
@@ -214,8 +215,12 @@ std::string LogMaker::body(Source source, Simulated& simulated, Micros t_us) {
   switch (source) {
     case Source::status:
       return simulated.answers.status(state);
+    case Source::ring:  // never: nothing is asked for it
+      return simulated.answers.status(state);
     case Source::io:
       return simulated.answers.io(state);
+    case Source::push:
+      return simulated.answers.push(state);
     case Source::pose: {
       const std::vector<std::string> keys(kPoseKeys.begin(), kPoseKeys.end());
       return simulated.answers.status(state, keys);

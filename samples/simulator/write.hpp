@@ -17,6 +17,7 @@ struct WriteOptions {
   Micros registers_period_us = 0;
   Micros inputs_period_us = 0;
   Micros pose_period_us = 0;
+  Micros push_period_us = 0;
   Micros rtt_us = 4'000;
   Micros jitter_us = 2'000;              ///< uniform on the send time
   std::vector<Gap> gaps;                 ///< per robot and source: answers in [t_from, t_to) become this gap

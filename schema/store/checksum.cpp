@@ -30,7 +30,7 @@ constexpr Tables make_tables() {
   return tables;
 }
 
-constexpr Tables kTables = make_tables();
+constexpr Tables kCrcTables = make_tables();
 
 constexpr std::uint32_t byte_at(std::uint64_t word, unsigned index) {
   return static_cast<std::uint32_t>(word >> (8U * index)) & 0xFFU;
@@ -40,7 +40,7 @@ std::uint32_t advance(std::uint32_t crc, std::uint64_t word) {
   word ^= crc;
   std::uint32_t next = 0;
   for (unsigned i = 0; i < kSlices; ++i) {
-    next ^= kTables[kSlices - 1 - i][byte_at(word, i)];
+    next ^= kCrcTables[kSlices - 1 - i][byte_at(word, i)];
   }
   return next;
 }
@@ -83,7 +83,7 @@ Checksum& Checksum::add_bytes(std::string_view bytes) {
     bytes.remove_prefix(kSlices);
   }
   for (const char c : bytes) {
-    state_ = (state_ >> 8U) ^ kTables[0][(state_ ^ static_cast<unsigned char>(c)) & 0xFFU];
+    state_ = (state_ >> 8U) ^ kCrcTables[0][(state_ ^ static_cast<unsigned char>(c)) & 0xFFU];
   }
   return *this;
 }

@@ -462,9 +462,6 @@ void LogReader::read_raw(RobotId robot, Source source, Window window, const std:
 
 void LogReader::check_pages(std::size_t part) {
   const PartHead& head = impl_->parts[part];
-  if (is_closed(head)) {
-    return;
-  }
   try {
     Connection connection = open_part_for_reading(head.path);
     if (const std::string answer = connection.scalar("PRAGMA quick_check(1)"); answer != "ok") {

@@ -75,8 +75,8 @@ class LogReader final : public RowSource {
     std::vector<Event> events;
     std::vector<ClockPoint> clock;
   };
-  /// Lets SQLite check the pages of a part that is not closed: without a seal nothing else tells that a page has
-  /// forgotten the newest rows of its table. `part` counts in parts().
+  /// Lets SQLite check the pages of a part. Nothing else tells that a page has forgotten the newest rows of a table
+  /// without a seal, or leads some who look for a row to the wrong page. `part` counts in parts().
   void check_pages(std::size_t part);
   /// Of one robot, or (0) of none.
   Records part_records(std::size_t part, RobotId robot);

@@ -26,7 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFileHeader = 100;
 /// Of the 32 hexadecimal digits of a log's identity: parts of different logs share some four of them.
 constexpr std::size_t kLikeDigits = 24;
 

@@ -19,11 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "TACHSUM1";  // the digit counts changes of what follows
+constexpr std::string_view kSummaryMagic = "TACHSUM1";  // the digit counts changes of what follows
 /// `summary` is the first table that is created, and its one row needs no more than a leaf and overflow pages.
 constexpr std::uint32_t kRootPage = 2;
 
-// What a summary holds, in both directions: `to` is a Packer or an Unpacker.
+// What a summary holds, in both directions: `to` is a SummaryPacker or an SummaryUnpacker.
 
 template <class To>
 void members(To& to, PartRow& row) {
@@ -75,9 +75,9 @@ void members(To& to, PartHead& head) {
 template <class Value>
 constexpr bool kNumber = std::is_integral_v<Value> || std::is_enum_v<Value>;
 
-class Packer {
+class SummaryPacker {
  public:
-  explicit Packer(std::string& out) : out_(&out) {}
+  explicit SummaryPacker(std::string& out) : out_(&out) {}
 
   template <class... Values>
   void operator()(Values&... values) {
@@ -133,9 +133,9 @@ class Packer {
   }
 };
 
-class Unpacker {
+class SummaryUnpacker {
  public:
-  explicit Unpacker(std::string_view bytes) : bytes_(bytes) {}
+  explicit SummaryUnpacker(std::string_view bytes) : bytes_(bytes) {}
 
   template <class... Values>
   void operator()(Values&... values) {
@@ -186,15 +186,15 @@ class Unpacker {
 std::string packed(PartHead head) {
   std::string rest;
   put_fixed(rest, own_names());
-  Packer to(rest);
+  SummaryPacker to(rest);
   to(head);
-  std::string out(kMagic);
+  std::string out(kSummaryMagic);
   put_fixed(out, Checksum().add(rest).value());
   return out + rest;
 }
 
 std::optional<PartHead> unpacked(std::string_view bytes) {
-  bytes.remove_prefix(kMagic.size());
+  bytes.remove_prefix(kSummaryMagic.size());
   ByteReader front(bytes);
   const auto sum = front.fixed<std::int64_t>();
   if (!front.good() || Checksum().add(bytes.substr(sizeof sum)).value() != sum ||
@@ -202,7 +202,7 @@ std::optional<PartHead> unpacked(std::string_view bytes) {
     return std::nullopt;
   }
   PartHead head;
-  Unpacker from(bytes.substr(2 * sizeof sum));
+  SummaryUnpacker from(bytes.substr(2 * sizeof sum));
   from(head);
   return from.done() ? std::optional(std::move(head)) : std::nullopt;
 }
@@ -284,7 +284,7 @@ std::optional<PartHead> read_summary(const fs::path& path) {
     std::uint64_t file_bytes = 0;
     const std::uint32_t page_bytes = settled_page_bytes(connection, file_bytes);
     const std::string record = page_bytes < 512 ? "" : record_of(connection, page_bytes, file_bytes);
-    const std::size_t begin = record.find(kMagic);
+    const std::size_t begin = record.find(kSummaryMagic);
     std::optional<PartHead> head =
         begin == std::string::npos ? std::nullopt : unpacked(std::string_view(record).substr(begin));
     if (!head || !head->row.closed) {

@@ -98,6 +98,12 @@ std::string own_words(std::string_view body) {
   return text + (body.size() > kQuotedBytes ? "..." : "");
 }
 
+/// The port number as the type. A push has the same type, but no such code.
+bool refuses_client(const Frame& frame) {
+  const std::uint16_t type = frame.header.type;
+  return (type == kStatusPort || type == kPush) && return_code(frame.body) == kClientLimit;
+}
+
 }  // namespace
 
 std::string encode_frame(std::uint8_t version, std::uint16_t sequence, std::uint16_t type, std::string_view body,
@@ -174,16 +180,16 @@ void FrameDecoder::reset() {
   why_.clear();
 }
 
-AnswerClass classify(const Frame& frame, std::uint16_t request_type) {
+AnswerClass classify(const Frame& frame, std::uint16_t expected_type) {
   const std::uint16_t type = frame.header.type;
-  if (type == answer_type(request_type)) {
+  if (refuses_client(frame)) {
+    return AnswerClass::client_limit;
+  }
+  if (type == expected_type) {
     return AnswerClass::expected;
   }
   if (find_error(type) != nullptr) {
     return AnswerClass::error_frame;
-  }
-  if (type == kStatusPort && return_code(frame.body) == kClientLimit) {
-    return AnswerClass::client_limit;
   }
   return AnswerClass::other;
 }
@@ -193,11 +199,11 @@ std::string explain_error(const Frame& frame) {
   if (const ErrorText* const error = find_error(type)) {
     return fmt::format("error frame {}: {}; {}{}", type, error->cause, error->remedy, own_words(frame.body));
   }
-  if (type == kStatusPort && return_code(frame.body) == kClientLimit) {
+  if (refuses_client(frame)) {
     return fmt::format(
         "port {} refused this client with code {}: too many clients are connected; close another client or raise the "
         "robot's limit (1 to 20, usually 10){}",
-        kStatusPort, kClientLimit, own_words(frame.body));
+        type, kClientLimit, own_words(frame.body));
   }
   return fmt::format(
       "unexpected frame of type {} with {} bytes: it answers another request; the connection is closed{}", type,

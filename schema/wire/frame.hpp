@@ -18,6 +18,8 @@ inline constexpr std::uint8_t kSync = 0x5A;
 
 inline constexpr std::uint16_t kStatusAll1 = 1100;
 inline constexpr std::uint16_t kStatusIo = 1013;
+/// What a robot sends unasked on its push port.
+inline constexpr std::uint16_t kPush = 19301;
 constexpr std::uint16_t answer_type(std::uint16_t request) { return static_cast<std::uint16_t>(request + 10000); }
 
 struct FrameHeader {
@@ -62,14 +64,14 @@ class FrameDecoder {
   std::string why_;
 };
 
-/// What a frame is that answers `request_type`.
+/// What a frame is among those of `expected_type`.
 enum class AnswerClass : std::uint8_t {
-  expected,      ///< type = request + 10000: stored, whatever the body is
+  expected,      ///< stored, whatever the body is
   error_frame,   ///< type 60000..60004
-  client_limit,  ///< type 19204 (the port number), ret_code 61001
+  client_limit,  ///< type 19204 or 19301 (the port number), ret_code 61001
   other,         ///< any other type: counted, connection closed
 };
-AnswerClass classify(const Frame& frame, std::uint16_t request_type);
+AnswerClass classify(const Frame& frame, std::uint16_t expected_type);
 
 /// What an error frame means and what to do about it, in words; works for 60000-60004 and 61001.
 std::string explain_error(const Frame& frame);

@@ -28,6 +28,11 @@ KeyIndex::KeyIndex() : nodes_(1), slots_(kSlots, 0) {
     if (!json.former_key.empty()) {
       add_path(json.former_key, static_cast<FieldIndex>(i), true);
     }
+    if (const std::string_view nested = push_object(json.key); !nested.empty()) {
+      const NodeId node = object(kRootNode, nested);
+      nodes_[node].fields.push_back({static_cast<FieldIndex>(i), true});
+      add({node, json.key, static_cast<FieldIndex>(i), true, kRootNode});
+    }
   }
 }
 
@@ -56,20 +61,22 @@ std::string KeyIndex::path(NodeId node, std::string_view key) const {
 void KeyIndex::add_path(std::string_view path, FieldIndex field, bool former) {
   NodeId node = kRootNode;
   for (std::size_t dot = path.find('.'); dot != std::string_view::npos; dot = path.find('.')) {
-    const std::string_view key = path.substr(0, dot);
+    node = object(node, path.substr(0, dot));
     path.remove_prefix(dot + 1);
-    const KeyEntry* const known = find(node, key);
-    assert(known == nullptr || known->field == kNoField);  // a key is a field or an object around fields, not both
-    if (known == nullptr) {
-      nodes_.push_back({this->path(node, key), {}});
-      add({node, key, kNoField, false, static_cast<NodeId>(nodes_.size() - 1)});
-      node = static_cast<NodeId>(nodes_.size() - 1);
-    } else {
-      node = known->node;
-    }
-    nodes_[node].fields.push_back(field);
+    nodes_[node].fields.push_back({field, former});
   }
   add({node, path, field, former, kRootNode});
+}
+
+NodeId KeyIndex::object(NodeId parent, std::string_view key) {
+  if (const KeyEntry* const known = find(parent, key)) {
+    assert(known->field == kNoField);  // a key is a field or an object around fields, not both
+    return known->node;
+  }
+  const auto node = static_cast<NodeId>(nodes_.size());
+  nodes_.push_back({path(parent, key), {}});
+  add({parent, key, kNoField, false, node});
+  return node;
 }
 
 void KeyIndex::add(const KeyEntry& entry) {

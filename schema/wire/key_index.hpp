@@ -19,7 +19,7 @@ struct KeyEntry {
   NodeId parent = kRootNode;
   std::string_view key;
   FieldIndex field = kNoField;
-  bool former = false;      ///< spelling of older firmware
+  bool former = false;      ///< spelling of older firmware, or place in a push
   NodeId node = kRootNode;  ///< the flattened object, when `field` is kNoField
 };
 
@@ -30,21 +30,26 @@ class KeyIndex {
   [[nodiscard]] const KeyEntry* find(NodeId node, std::string_view key) const;
   /// "calib_status.foo": the key with the objects around it.
   [[nodiscard]] std::string path(NodeId node, std::string_view key) const;
-  /// Fields inside a flattened object, at any depth.
-  [[nodiscard]] const std::vector<FieldIndex>& below(NodeId node) const { return nodes_[node].fields; }
+  /// A field inside a flattened object, at any depth, and whether that is its former spelling.
+  struct Inner {
+    FieldIndex field;
+    bool former;
+  };
+  [[nodiscard]] const std::vector<Inner>& below(NodeId node) const { return nodes_[node].fields; }
 
   static const KeyIndex& instance();
 
  private:
   struct Node {
     std::string path;
-    std::vector<FieldIndex> fields;
+    std::vector<Inner> fields;
   };
   std::vector<Node> nodes_;
   std::vector<KeyEntry> entries_;
   std::vector<std::uint16_t> slots_;  // open addressing, 1 + index into entries_, 0 = free
 
   void add_path(std::string_view path, FieldIndex field, bool former);
+  NodeId object(NodeId parent, std::string_view key);
   void add(const KeyEntry& entry);
 };
 

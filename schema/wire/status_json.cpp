@@ -107,9 +107,10 @@ class Decoding {
       walk(node, object, members);
       return;
     }
-    for (const FieldIndex f : KeyIndex::instance().below(node)) {
+    for (const auto& [f, former] : KeyIndex::instance().below(node)) {
       if (needed_.test(f) && out_.cells[f].state == State::absent) {
         out_.cells[f].state = value.is_null() ? State::null : State::wrong_type;
+        from_former_.set(f, former);
       }
     }
   }

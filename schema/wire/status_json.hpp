@@ -1,6 +1,6 @@
 #pragma once
-// 11100 and 11013 bodies -> Sample. Survives anything: missing keys, null, integers for floats, boolean DI arrays, the
-// four alarm shapes, unknown keys (collected), bodies that are no JSON (decodable = false).
+// 11100, 11013 and 19301 bodies -> Sample. Survives anything: missing keys, null, integers for floats, boolean DI
+// arrays, the four alarm shapes, unknown keys (collected), bodies that are no JSON (decodable = false).
 
 #include <memory>
 #include <string_view>

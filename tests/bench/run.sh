@@ -9,13 +9,18 @@ if [ $# -gt 1 ] || { [ -n "$filter" ] && [[ " $filters " != *" $filter "* ]]; };
   exit 2
 fi
 cmake --preset release >/dev/null
-cmake --build --preset release --target store_bench write_bench block_bench scan_bench sql_bench analysis_bench program_bench >/dev/null
+cmake --build --preset release --target write_bench block_bench scan_bench sql_bench analysis_bench program_bench >/dev/null
 bench=build/release/tests/bench
-for each in ${filter:-$filters}; do
-  case "$each" in
-    store | write | scan | sql) "$bench/${each}_bench" ;;
+run() {
+  case "$1" in
+    store) for part in write blocks scan sql; do run "$part"; done ;;
+    write | scan | sql) "$bench/$1_bench" ;;
     blocks) "$bench/block_bench" ;;
-    recorder | report) "$bench/program_bench" "$each" ;;
-    *) "$bench/analysis_bench" "$each" ;;
+    recorder | report) "$bench/program_bench" "$1" ;;
+    *) "$bench/analysis_bench" "$1" ;;
   esac
+}
+# Without a filter all of them: store is write, blocks, scan and sql.
+for each in ${filter:-store recorder odometry battery alarms blockage report}; do
+  run "$each"
 done

@@ -229,3 +229,52 @@ TEST_CASE("wrong usage of status and tail is answered with exit code 2, a missin
   CHECK(missing.code == 1);
   CHECK(has(missing.err, "does not exist"));
 }
+
+TEST_CASE("a mark writes what the ring holds and what follows, pushes are recorded, and verify finds all of it whole") {
+  Site site;
+  const std::string push = std::to_string(site.server.push_port(0));
+  Process recorder(kRecorder, {"run", "--log", site.log, "--robot",
+                               "robot1=127.0.0.1:" + std::to_string(site.server.status_port(0)) + ":" +
+                                   std::to_string(site.server.modbus_port(0)) + ":" + push,
+                               "--period", "ring=5Hz,push=500ms,registers=off,inputs=off", "--for", "60s"});
+  site.wait_heard("READY=1");
+  std::this_thread::sleep_for(2500ms);
+  CHECK(test::run(kRecorder, {"mark", site.log, "pallet slipped"}).code == 0);
+  std::this_thread::sleep_for(1500ms);
+  recorder.signal(SIGTERM);
+  const Outcome outcome = recorder.wait();
+  INFO(outcome.err << outcome.out);
+  CHECK(outcome.code == 0);
+  CHECK(has(outcome.err, "robot1: mark: "));
+
+  const auto log = open_log(std::vector<std::filesystem::path>{site.log});
+  std::map<Source, Coverage> coverage;
+  for (const Coverage& c : log->coverage()) {
+    INFO(source_name(c.source));
+    CHECK(c.stored + c.missed == c.planned);
+    CHECK(c.stored > 0);
+    coverage[c.source] = c;
+  }
+  REQUIRE(coverage.size() == 3);
+  CHECK(coverage[Source::ring].stored >= 12);  // before and after the mark
+  CHECK(coverage[Source::push].stored >= 5);
+  CHECK(coverage[Source::push].missed <= 2);
+  Selection records;
+  std::size_t windows = 0;
+  log->read(1, {}, records, [&](const Slice& slice) {
+    for (const Event& event : slice.events) {
+      windows += event.kind == EventKind::ring_kept ? 1 : 0;
+      CHECK((event.kind != EventKind::ring_kept || event.subject == "mark"));
+    }
+  });
+  CHECK(windows == 1);
+  const Outcome verify = test::run("analyzer/tacho-analyzer", {"verify", site.log});
+  INFO(verify.out);
+  CHECK(verify.code == 0);
+  const Outcome sql = test::run("analyzer/tacho-analyzer",
+                                {"sql", site.log, "--format", "csv",
+                                 "select (select count(x) = count(*) from ring), (select count(jack_height) = count(*) "
+                                 "and min(firmware_version) is not null from push)"});
+  INFO(sql.out << sql.err);
+  CHECK(has(sql.out, "\n1,1"));
+}

@@ -87,7 +87,8 @@ void frame(std::string_view bytes) {
   for (const wire::Frame& f : whole.frames) {
     again += wire::encode_frame(f.header.version, f.header.sequence, f.header.type, f.body, f.header.reserved);
     law(!wire::explain_error(f).empty(), "every frame can be explained");
-    wire::classify(f, wire::kStatusAll1);
+    wire::classify(f, wire::answer_type(wire::kStatusAll1));
+    wire::classify(f, wire::kPush);
   }
   law(bytes.substr(0, again.size()) == again, "what was decoded encodes to the same bytes");
 }

@@ -268,7 +268,9 @@ TEST_CASE("robots are given as NAME=HOST with optional ports") {
   CHECK(parse_robot("a=10.0.0.1:1", settings).address() == "10.0.0.1:1:502");
   CHECK(parse_robot("a=host:1:2", settings).address() == "host:1:2");
   CHECK(parse_robot("a=[fe80::1]:1:2", settings).address() == "[fe80::1]:1:2");
-  for (const char* bad : {"", "a", "=h", "a=", "a=h:0", "a=h:70000", "a=h:1:2:3", "a=h:x", "a=[::1"}) {
+  CHECK(parse_robot("a=host:1:2:3", settings).push_port == 3);
+  CHECK(parse_robot("a=host:1:2", settings).push_port == 19301);
+  for (const char* bad : {"", "a", "=h", "a=", "a=h:0", "a=h:70000", "a=h:1:2:3:4", "a=h:x", "a=[::1"}) {
     INFO(bad);
     Overrides o;
     o.robots = {bad};

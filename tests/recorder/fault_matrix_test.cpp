@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "recorder/link/modbus_link.hpp"
+#include "recorder/link/push_link.hpp"
 #include "recorder/link/tcp_link.hpp"
 #include "recorder/poller.hpp"
 #include "samples/simulator/serve.hpp"
@@ -91,6 +92,9 @@ std::unique_ptr<Link> link_to(const sim::Server& server, sim::Port port) {
     return std::make_unique<TcpLink>(
         TcpLinkOptions{"127.0.0.1", server.status_port(0), 1, wire::status_request_body(request), nullptr});
   }
+  if (port == sim::Port::push) {
+    return std::make_unique<PushLink>("127.0.0.1", server.push_port(0));
+  }
   ModbusLinkOptions options;
   options.host = "127.0.0.1";
   options.port = server.modbus_port(0);
@@ -125,11 +129,13 @@ std::string accounts(const Poller& poller, const SharedSink& sink) {
 /// A value that is not the robot's; empty when there is none.
 std::string wrong_value(const Answer& answer, const std::string& robot) {
   Sample sample;
-  if (answer.meta.source == Source::status) {
+  if (source_info(answer.meta.source).whole) {
     wire::JsonDecoder().decode(answer.body, FieldSet().set(), true, sample);
     const bool own = !sample.decodable || sample.text(field("vehicle_id")) == robot ||
                      answer.body.find("\xFF\xFE") != std::string::npos;
-    return own && sample.unknown_keys.empty() ? "" : "status: " + answer.body.substr(0, 100);
+    return own && sample.unknown_keys.empty()
+               ? ""
+               : std::string(source_name(answer.meta.source)) + ": " + answer.body.substr(0, 100);
   }
   Gates gates;
   if (answer.meta.source == Source::inputs) {
@@ -164,7 +170,9 @@ Outcome run_cell(const FaultCell& cell) {
   sim::Scenario scenario;
   scenario.name = "amr";
   scenario.always_idle = true;
-  sim::Server server({{scenario, 0, 0}}, {});
+  sim::ServeOptions serving;
+  serving.push_period_us = kPeriod;
+  sim::Server server({{scenario, 0, 0, 0}}, serving);
   SharedSink sink;
   HostClock clock;
   PollerOptions options;
@@ -175,6 +183,9 @@ Outcome run_cell(const FaultCell& cell) {
   options.sources = {{Source::status, kPeriod, 0}};
   if (cell.port == sim::Port::modbus) {
     options.sources = {{Source::registers, kPeriod, 0}, {Source::inputs, kPeriod, kPeriod / 2}};
+  }
+  if (cell.port == sim::Port::push) {
+    options.sources = {{Source::push, kPeriod, 0}};
   }
   Poller poller(std::move(options), link_to(server, cell.port), clock, sink);
   std::thread thread([&] { poller.run(mono_now_us(), mono_now_us() + 3'600'000'000); });
@@ -206,7 +217,7 @@ Outcome run_cell(const FaultCell& cell) {
 std::vector<FaultCell> all_cells() {
   std::vector<FaultCell> cells;
   for (const sim::LinkFault& fault : sim::link_faults()) {
-    for (const sim::Port port : {sim::Port::status, sim::Port::modbus}) {
+    for (const sim::Port port : sim::kPorts) {
       if (fault.on(port) != nullptr) {
         cells.push_back({&fault, port});
       }
@@ -218,7 +229,8 @@ std::vector<FaultCell> all_cells() {
 }  // namespace
 
 TEST_CASE(
-    "under every fault of both ports no poll is lost from the accounts, no value is wrong, and the robot is back at "
+    "under every fault of all three ports no poll is lost from the accounts, no value is wrong, and the robot is back "
+    "at "
     "once") {
   const std::vector<FaultCell> cells = all_cells();
   std::set<std::string_view> names;
@@ -226,7 +238,7 @@ TEST_CASE(
     names.insert(cell.fault->name);
   }
   CHECK(names.size() >= 30);
-  CHECK(cells.size() >= 60);
+  CHECK(cells.size() >= 140);
   Outcome worst;
   std::string worst_name;
   for (std::size_t at = 0; at < cells.size(); at += kAtOnce) {

@@ -352,3 +352,60 @@ TEST_CASE("law: whatever robot, network and queue do, stored plus missed is plan
     }
   }
 }
+
+TEST_CASE("pushes are stored as they come, and one that does not come is missed") {
+  int pushes = 0;
+  Bench bench(
+      {{Source::push, 500'000, 0}},
+      [&](Source, Micros) {
+        Act act;
+        act.takes_us = ++pushes == 11 ? 1'500'000 : 500'000;  // two are left out before the eleventh
+        return act;
+      },
+      0, std::chrono::seconds(5));
+  bench.run(20 * kSecond);
+  check_accounts(bench);
+  CHECK(bench.poller->counters(0).stored.load() == 38);
+  const auto gaps = bench.gaps(Source::push);
+  REQUIRE(!gaps.empty());
+  CHECK(gaps[0].seq_from == 10);
+  CHECK(gaps[0].seq_count == 2);
+  CHECK(gaps[0].cause == Cause::timeout);
+  CHECK(bench.events(EventKind::rate) == 0);
+}
+
+TEST_CASE("a robot that pushes at a pace of its own is followed") {
+  Bench bench({{Source::push, 500'000, 0}}, [](Source, Micros now) {
+    Act act;
+    act.takes_us = now % 100'000 == 0 ? 100'000 : 100'000 - now % 100'000;
+    return act;
+  });
+  bench.run(10 * kSecond);
+  check_accounts(bench);
+  CHECK(bench.poller->counters(0).stored.load() == 100);
+  CHECK(bench.poller->counters(0).missed_total() == 0);
+  REQUIRE(bench.events(EventKind::rate) == 1);
+  const auto rate = std::find_if(bench.sink.events.begin(), bench.sink.events.end(),
+                                 [](const Event& e) { return e.kind == EventKind::rate; });
+  CHECK(rate->new_value == "100 ms");
+}
+
+TEST_CASE("silence of the push port is missed push by push, and a lost connection is tried again") {
+  const auto robot = [](Source, Micros now) {
+    Act act;
+    act.takes_us = 500'000;
+    act.ok = now < 5 * kSecond || now >= 12 * kSecond;
+    act.cause = now < 8 * kSecond ? Cause::timeout : Cause::connect_refused;
+    act.keeps_connection = now < 8 * kSecond;
+    return act;
+  };
+  Bench bench({{Source::push, 500'000, 0}}, robot);
+  bench.run(20 * kSecond);
+  check_accounts(bench);
+  const auto planned = bench.poller->counters(0).planned.load();
+  CHECK((planned >= 38 && planned <= 40));
+  CHECK(bench.poller->counters(0).missed[static_cast<std::size_t>(Cause::timeout)] >= 5);
+  CHECK(bench.poller->counters(0).missed[static_cast<std::size_t>(Cause::connect_refused)] >= 6);
+  CHECK(bench.events(EventKind::link_down) == 1);
+  CHECK(bench.events(EventKind::link_up) == 2);
+}

@@ -45,25 +45,32 @@ std::map<int, int> modbus_requests(const std::vector<std::string>& connections) 
 
 }  // namespace
 
-TEST_CASE("under every fault nothing but requests 1100 and 1013 and functions 2 and 4 leaves the recorder") {
+TEST_CASE(
+    "under every fault nothing but requests 1100 and 1013 and functions 2 and 4 leaves the recorder, and nothing "
+    "goes to the push port") {
   sim::Scenario scenario;
   scenario.always_idle = true;
-  sim::Server robot({{scenario, 0, 0}}, {});
+  sim::ServeOptions serving;
+  serving.push_period_us = 50'000;
+  sim::Server robot({{scenario, 0, 0, 0}}, serving);
   const LoggingProxy status(robot.status_port(0));
   const LoggingProxy modbus(robot.modbus_port(0));
+  const LoggingProxy push(robot.push_port(0));
   const tacho::test::TempDir dir;
   Config config = config_for(dir / "log", {{status.port(), modbus.port()}});
+  config.robots[0].push_port = push.port();
+  config.robots[0].settings.period_us[static_cast<std::size_t>(Source::push)] = 50'000;
   config.robots[0].settings.status.timeout_us = config.robots[0].settings.modbus.timeout_us = 60'000;
   std::vector<SourceSummary> summary;
   {
     Recorder recorder(config, {});
     for (const sim::LinkFault& fault : sim::link_faults()) {
-      for (const sim::Port port : {sim::Port::status, sim::Port::modbus}) {
+      for (const sim::Port port : sim::kPorts) {
         robot.fault(0, port, &fault);
       }
       std::this_thread::sleep_for(kEachFault);
     }
-    for (const sim::Port port : {sim::Port::status, sim::Port::modbus}) {
+    for (const sim::Port port : sim::kPorts) {
       robot.fault(0, port, nullptr);
     }
     std::this_thread::sleep_for(1s);
@@ -75,6 +82,14 @@ TEST_CASE("under every fault nothing but requests 1100 and 1013 and functions 2 
   REQUIRE(frames.size() == 2);
   CHECK(frames.at(1100) > 20);
   CHECK(frames.at(1013) > 20);
+  for (const std::string& bytes : push.sent()) {
+    CHECK(bytes.empty());
+  }
+  CHECK(push.sent().size() > 10);
+  const auto pushed =
+      std::find_if(summary.begin(), summary.end(), [](const auto& s) { return s.source == Source::push; });
+  REQUIRE(pushed != summary.end());
+  CHECK(pushed->stored > 20);
   const auto functions = modbus_requests(modbus.sent());
   REQUIRE(functions.size() == 2);
   CHECK(functions.at(2) > 20);

@@ -162,7 +162,7 @@ TEST_CASE("one client too many is told so and sent away, the others stay") {
   const wire::Frame frame = third.frame();
   CHECK(frame.header.type == 19204);
   CHECK(nlohmann::json::parse(frame.body)["ret_code"] == 61001);
-  CHECK(wire::classify(frame, 1100) == wire::AnswerClass::client_limit);
+  CHECK(wire::classify(frame, 11100) == wire::AnswerClass::client_limit);
   CHECK(third.closed());
   CHECK(first.ask(2, 1013).header.type == 11013);
 }

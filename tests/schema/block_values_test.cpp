@@ -162,7 +162,7 @@ TEST_CASE("absent, null, wrong types, fractions and large numbers keep apart") {
                                         "18446744073709551615"};
   std::vector<std::string> bodies{"{}"};
   for (const std::string& value : values) {
-    bodies.push_back("{\"x\":" + value + ",\"battery_cycle\":" + value + ",\"blocked\":" + value + ",\"map\":" + value +
+    bodies.push_back("{\"x\":" + value + ",\"battery_cycle\":" + value + ",\"blocked\":" + value + ",\"odd\":" + value +
                      ",\"current_map\":" + value + ",\"area_ids\":" + value + ",\"ref_pos\":" + value +
                      ",\"calib_status\":{\"status\":" + value + "}}");
   }

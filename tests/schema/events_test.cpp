@@ -359,10 +359,46 @@ TEST_CASE("the fields a machine asks for are all it needs", "[events]") {
     return summary(events);
   };
   CHECK(run(EventMachine::fields(Source::status)) == run(kAll));
-  CHECK_FALSE(EventMachine::fields(Source::status).test(field("x")));
+  CHECK_FALSE(EventMachine::fields(Source::status).test(field("voltage")));
+  CHECK(EventMachine::fields(Source::ring).none());
   CHECK(EventMachine::fields(Source::io).test(field("di")));
   CHECK(EventMachine::fields(Source::inputs).test(field("di_15")));
   CHECK(EventMachine::fields(Source::inputs).test(field("blocked")));
   CHECK(EventMachine::fields(Source::registers).test(field("current_station_id")));
   CHECK_FALSE(EventMachine::fields(Source::registers).test(field("blocked")));
+}
+
+TEST_CASE("a pose that moves farther than speed and acceleration allow is a jump, on the same map alone") {
+  Feed feed;
+  const auto at = [](double x, double v, const char* map = "m1") {
+    return "{\"x\":" + std::to_string(x) + ",\"y\":0,\"angle\":0.1,\"vx\":" + std::to_string(v) +
+           ",\"vy\":0,\"w\":0,\"current_map_md5\":\"" + map + "\"}";
+  };
+  CHECK(summary(feed.json(0, at(0, 1))) == "");
+  CHECK(summary(feed.json(1, at(1.1, 1))) == "");
+  CHECK(summary(feed.json(2, at(2.6, 0))) == "");  // 1 m/s before, and 0.75 m by acceleration
+  const std::vector<Event> jump = feed.json(3, at(4.0, 0));
+  CHECK(summary(jump) == "pose_jump 2.600 0.000 0.1000->4.000 0.000 0.1000");
+  REQUIRE(jump.size() == 1);
+  CHECK(jump[0].t_from_us == sent(2));
+  CHECK(jump[0].t_us == received(3));
+  CHECK(summary(feed.json(4, at(9, 0, "m2"))) == "map md5 m1->m2");
+  CHECK(summary(feed.json(10, at(90, 0, "m2"))) == "");  // in six seconds everything is possible
+}
+
+TEST_CASE("a heading that turns by more than it can is a jump, and an answer without speed tells nothing") {
+  Feed feed;
+  const std::string rest = ",\"vx\":0,\"vy\":0,\"w\":0.2}";
+  CHECK(summary(feed.json(0, "{\"x\":0,\"y\":0,\"angle\":3.1" + rest)) == "");
+  CHECK(summary(feed.json(0.5, "{\"x\":0,\"y\":0,\"angle\":-3.1" + rest)) == "");  // across the seam
+  CHECK(summary(feed.json(1.0, R"({"x":50,"y":0,"angle":1})")) == "");
+  CHECK(summary(feed.json(1.5, "{\"x\":0,\"y\":0,\"angle\":-0.5" + rest)) ==
+        "pose_jump 0.000 0.000 -3.1000->0.000 0.000 -0.5000");
+}
+
+TEST_CASE("a push tells what status tells, and the ring tells nothing") {
+  Feed feed;
+  CHECK(summary(feed.json(0, R"({"blocked":false})", Source::push)) == "");
+  CHECK(summary(feed.json(1, R"({"blocked":true,"errors":[{"52201":1}]})", Source::ring)) == "");
+  CHECK(summary(feed.json(2, R"({"blocked":true})", Source::push)) == "blocked false->true");
 }

@@ -142,7 +142,7 @@ TEST_CASE("compression and routing bytes are unusual, the echoed request number 
 
 TEST_CASE("answers are told apart from refusals", "[wire]") {
   const auto classify_frame = [](std::uint16_t type, std::string_view body) {
-    return classify(only_frame(encode_frame(1, 1, type, body)), kStatusAll1);
+    return classify(only_frame(encode_frame(1, 1, type, body)), answer_type(kStatusAll1));
   };
   CHECK(classify_frame(11100, "{}") == AnswerClass::expected);
   CHECK(classify_frame(11100, "not json at all") == AnswerClass::expected);
@@ -156,6 +156,12 @@ TEST_CASE("answers are told apart from refusals", "[wire]") {
         AnswerClass::client_limit);
   CHECK(classify_frame(19204, "{\"ret_code\":0}") == AnswerClass::other);
   CHECK(classify_frame(19204, "") == AnswerClass::other);
+  const auto classify_push = [](std::uint16_t type, std::string_view body) {
+    return classify(only_frame(encode_frame(1, 1, type, body)), kPush);
+  };
+  CHECK(classify_push(19301, "{\"ret_code\":0}") == AnswerClass::expected);
+  CHECK(classify_push(19301, "{\"ret_code\":61001}") == AnswerClass::client_limit);
+  CHECK(classify_push(11100, "{}") == AnswerClass::other);
 }
 
 TEST_CASE("a refusal is explained: what, why, and what to do", "[wire]") {

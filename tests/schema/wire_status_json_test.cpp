@@ -244,3 +244,28 @@ TEST_CASE("every key of a real answer is known, and one invented key is the only
   body.insert(1, "\"invented_key\":1,");
   CHECK(decode(body).unknown_keys == std::vector<std::string>{"invented_key"});
 }
+
+TEST_CASE("a push nests what answers have flat, and both are the same fields", "[wire]") {
+  const Sample s = decode(
+      R"({"jack":{"jack_height":0.25,"jack_isFull":true},"roller":{"roller_speed":1.5},"hook":{"hook_angle":-0.5},)"
+      R"("fork":{"fork_height":1.2,"forward_val":0.4,"odd":1},"version":"3.4.7","requestVoltage":54.5,)"
+      R"("map":{"userData":[1]}})");
+  CHECK(s.at(field("jack_height")).real == 0.25);
+  CHECK(s.at(field("jack_isfull")).integer == 1);
+  CHECK(s.at(field("roller_speed")).real == 1.5);
+  CHECK(s.at(field("hook_angle")).real == -0.5);
+  CHECK(s.at(field("fork_height")).real == 1.2);
+  CHECK(s.at(field("forward_val")).real == 0.4);
+  CHECK(s.text(field("firmware_version")) == "3.4.7");
+  CHECK(s.at(field("request_voltage")).real == 54.5);
+  CHECK(s.text(field("map_user_data")) == "[1]");
+  CHECK(s.unknown_keys == std::vector<std::string>{"fork.odd"});
+}
+
+TEST_CASE("a flat key beats the nested one wherever it stands, and an object that is none says so", "[wire]") {
+  CHECK(decode(R"({"jack":{"jack_height":1},"jack_height":2})").at(field("jack_height")).real == 2);
+  CHECK(decode(R"({"jack_height":2,"jack":{"jack_height":1}})").at(field("jack_height")).real == 2);
+  CHECK(state_of(R"({"jack":null})", "jack_height") == State::null);
+  CHECK(state_of(R"({"jack":3})", "jack_height") == State::wrong_type);
+  CHECK(decode(R"({"jack":null,"jack_height":2})").at(field("jack_height")).real == 2);
+}

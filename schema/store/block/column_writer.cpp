@@ -12,7 +12,7 @@ namespace tacho::store {
 
 namespace {
 
-constexpr int kMaxDepth = 6;            // composites inside composites
+constexpr int kMaxNesting = 6;          // composites inside composites
 constexpr std::size_t kMaxParts = 512;  // holes of an array; strings have fewer
 constexpr std::size_t kMaxRuns = 16;    // runs of digits in a string
 /// Columns with fewer distinct texts than this are best served by listing them.
@@ -166,7 +166,7 @@ bool ColumnWriter::as_numbers(std::span<const std::string_view> texts, const Num
 
 bool ColumnWriter::as_composite(std::span<const std::string_view> texts, int depth, EncodedColumn& column) {
   const char kind = texts[0].empty() ? '\0' : texts[0].front();
-  if ((kind != '[' && kind != '"') || depth >= kMaxDepth) {
+  if ((kind != '[' && kind != '"') || depth >= kMaxNesting) {
     return false;
   }
   std::string shape;

@@ -10,10 +10,10 @@ namespace tacho::store {
 namespace {
 
 constexpr std::size_t kHeadBytes = 4;
-constexpr std::size_t kMaxLeaves = 4096;
+constexpr std::size_t kMostLeaves = 4096;
 constexpr std::size_t kAddresses = 1024;
 
-std::uint32_t word_at(std::string_view bytes, std::size_t at) {
+std::uint32_t u16_at(std::string_view bytes, std::size_t at) {
   return std::uint32_t{static_cast<unsigned char>(bytes[at])} << 8U | static_cast<unsigned char>(bytes[at + 1]);
 }
 
@@ -71,10 +71,10 @@ bool split_image(std::string_view image, bool discrete, std::string& shape, std:
     if (image.size() < kHeadBytes) {
       return false;
     }
-    std::uint32_t address = word_at(image, 0);
-    const std::uint32_t count = word_at(image, 2);
+    std::uint32_t address = u16_at(image, 0);
+    const std::uint32_t count = u16_at(image, 2);
     std::size_t left = discrete ? (count + 7) / 8 : std::size_t{2} * count;
-    if (count == 0 || image.size() - kHeadBytes < left || leaves.size() + left > kMaxLeaves) {
+    if (count == 0 || image.size() - kHeadBytes < left || leaves.size() + left > kMostLeaves) {
       return false;
     }
     shape.append(image, 0, kHeadBytes);
@@ -99,15 +99,15 @@ bool name_registers(std::string_view shape, bool discrete, std::vector<ImageHole
       return false;
     }
     const std::string head(shape.substr(0, kHeadBytes));
-    std::uint32_t address = word_at(shape, 0);
-    const std::uint32_t count = word_at(shape, 2);
+    std::uint32_t address = u16_at(shape, 0);
+    const std::uint32_t count = u16_at(shape, 2);
     const std::uint32_t end = address + count;
     std::size_t left = discrete ? (count + 7) / 8 : std::size_t{2} * count;
     shape.remove_prefix(kHeadBytes);
     for (bool first = true; left > 0; first = false) {
       const char letter = shape.empty() ? '\0' : shape.front();
       const std::size_t size = bytes_of(letter);
-      if (size == 0 || size > left || (letter == 'b') != discrete || holes.size() >= kMaxLeaves) {
+      if (size == 0 || size > left || (letter == 'b') != discrete || holes.size() >= kMostLeaves) {
         return false;
       }
       const std::uint32_t last = std::min(address + addresses_of(letter), end) - 1;

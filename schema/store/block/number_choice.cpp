@@ -11,9 +11,7 @@ namespace tacho::store {
 
 namespace {
 
-constexpr unsigned kMaxDecimals = 17;
 constexpr unsigned kFewDecimals = 9;
-constexpr std::string_view kPointedZero = "-0.0";
 constexpr std::size_t kSample = 64;
 /// Numbers of so few digits are decimals and nothing else.
 constexpr unsigned kFewDigits = 7;

@@ -15,10 +15,8 @@ namespace tacho::store {
 
 namespace {
 
-constexpr unsigned kMaxDecimals = 17;
 constexpr unsigned kMaxDigits = 18;  // of a decimal mantissa: always fits 64 bits
 constexpr unsigned kMaxSignificant = 17;
-constexpr std::string_view kPointedZero = "-0.0";
 
 constexpr auto kPowers = [] {
   std::array<double, kMaxDigits + 1> powers{};

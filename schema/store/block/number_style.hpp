@@ -24,6 +24,10 @@
 
 namespace tacho::store {
 
+inline constexpr unsigned kMaxDecimals = 17;
+/// Zero below zero, of a style that gives it a point.
+inline constexpr std::string_view kPointedZero = "-0.0";
+
 /// Stored: append only.
 enum class NumberKind : std::uint8_t { decimal, real64, real32, word, dword, float_bits, float_decimal, byte };
 
