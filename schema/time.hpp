@@ -29,7 +29,7 @@ std::optional<Micros> parse_duration(std::string_view text);
 std::string duration_text(Micros us);
 
 constexpr Micros middle(Micros a, Micros b) { return a + (b - a) / 2; }
-constexpr double to_seconds(Micros us) { return static_cast<double>(us) * 1e-6; }
+constexpr double to_seconds(Micros us) { return static_cast<double>(us) / 1e6; }
 
 /// The host's clocks.
 Micros wall_now_us();

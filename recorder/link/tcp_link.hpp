@@ -26,8 +26,8 @@ struct TcpLinkOptions {
   std::uint16_t port = 19204;
   std::uint8_t version = 1;                    ///< 1 for RBK 3.4, 2 for RBK 3.5; answers of any version are taken
   std::string status_body;                     ///< body of request 1100 (wire::status_request_body)
-  std::string ring_body = {};                  ///< the same, of the ring
   std::shared_ptr<StatusHint> hint = nullptr;  ///< told every status answer; may be null
+  std::string ring_body = {};                  ///< of request 1100 for the ring
 };
 
 class TcpLink final : public Link {

@@ -284,7 +284,8 @@ std::string AnswerMaker::push(const RobotState& state) {
   nlohmann::ordered_json out{{"battery_extra", ""},         {"dsp_version", "v1.2.1"}, {"gyro_version", "v1.0"},
                              {"map", {{"userData", "[]"}}}, {"model", "AMB-150"},      {"requestCurrent", 0.0},
                              {"requestVoltage", 0.0},       {"version", "v3.4.7.12"}};
-  for (auto& [key, value] : nlohmann::ordered_json::parse(status(state)).items()) {
+  nlohmann::ordered_json flat = nlohmann::ordered_json::parse(status(state));
+  for (auto& [key, value] : flat.items()) {
     const std::string_view object = push_object(key);
     (object.empty() ? out : out[std::string(object)])[key] = std::move(value);
   }

@@ -85,7 +85,7 @@ TEST_CASE(
   for (const std::string& bytes : push.sent()) {
     CHECK(bytes.empty());
   }
-  CHECK(push.sent().size() > 10);
+  CHECK(push.sent().size() > 5);
   const auto pushed =
       std::find_if(summary.begin(), summary.end(), [](const auto& s) { return s.source == Source::push; });
   REQUIRE(pushed != summary.end());

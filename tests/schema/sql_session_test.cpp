@@ -102,7 +102,7 @@ TEST_CASE("a mistake in a statement is named with its cause and what to do") {
       {"select s.block_reson from status s", "s.block_reson: no such column; did you mean 'block_reason'?"},
       {"select t_sendus from status", "did you mean 't_send_us'?"},
       {"select * from statsu", "statsu: no such table; did you mean 'status'?"},
-      {"select * from nonsense", "tables: status, io, registers, inputs, pose, robot, session"},
+      {"select * from nonsense", "tables: status, io, registers, inputs, pose, push, ring, robot"},
       {"selec 1", "syntax error at 'selec 1'"},
       {"select 1; select 2", "more than one statement"},
       {"  ;", "there is no statement"},

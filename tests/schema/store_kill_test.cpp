@@ -109,7 +109,7 @@ TEST_CASE("a recording that is killed at any moment keeps every acknowledged ans
     TempDir dir(memory_folder());
     Ledger ledger;
     for (int round = 0; round < kKillsPerLog; ++round, ++killed) {
-      const std::chrono::microseconds life(1000 + random() % 25'000);
+      const std::chrono::microseconds life(1000 + random() % 60'000);
       record_and_kill(dir / "log", ledger, round, life);
       INFO("kill " << killed << " after " << life.count() << " us");
       Verdict verdict = judge_if_any(dir / "log", ledger, false);
