@@ -17,7 +17,7 @@ constexpr Micros kYear = 365 * kDay;
 
 store::WriterOptions small_parts(store::RetentionRules rules) {
   store::WriterOptions options;
-  options.part_bytes = 80'000;  // an empty part has 65 536
+  options.part_bytes = 79'000;  // an empty part has 65 536
   options.durable = false;
   options.retention.rules = rules;
   return options;
@@ -130,7 +130,7 @@ TEST_CASE("rules that a log has outgrown are kept from the start, and the first 
   TempDir dir(memory_folder());
   {
     Recording recording(dir.path(), small_parts({}));
-    for (int i = 0; i < 60; ++i) {
+    for (int i = 0; i < 80; ++i) {
       recording.polls(20);
       recording.writer.commit();
     }
@@ -140,7 +140,7 @@ TEST_CASE("rules that a log has outgrown are kept from the start, and the first 
   std::vector<std::string> told;
   store::WriterOptions options = small_parts({0, 300'000, 0});
   options.retention.tell = [&](const std::string& text) { told.push_back(text); };
-  { Recording recording(dir.path(), options, kT0 + 1300 * kSecond); }
+  { Recording recording(dir.path(), options, kT0 + 1700 * kSecond); }
   const std::size_t after = part_files(dir.path()).size();
   CHECK(after + 2 < before);
   CHECK(bytes_of(dir.path()) <= 300'000);
@@ -256,7 +256,7 @@ TEST_CASE("files that are no parts of this log are never removed") {
   }
   fs::copy_file(part_files(dir / "third")[0], dir / "log" / "part-000000.db");
   Recording recording(dir / "log", small_parts({0, 200'000, 0}));
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 80; ++i) {
     recording.polls(20);
     recording.writer.commit();
   }
