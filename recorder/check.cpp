@@ -22,7 +22,8 @@ namespace {
 constexpr int kPolls = 3;  // enough to tell the network's time from the first answer's
 
 std::string period_text(Micros period) {
-  return period < 1'000'000 ? fmt::format("{:g} Hz", 1e6 / static_cast<double>(period)) : duration_text(period);
+  return period < 1'000'000 ? fmt::format("at {:g} Hz", 1e6 / static_cast<double>(period))
+                            : "every " + duration_text(period);
 }
 
 std::string rates_text(const Rates& rates) {
@@ -97,11 +98,10 @@ class RobotCheck {
     }
     std::sort(rtt.begin(), rtt.end());
     const std::string rates = rates_text(robot_.settings.rates(source));
-    line(source,
-         source == Source::push
-             ? fmt::format("ok, {} B, expected every {} until the robot shows another pace", last.body.size(), rates)
-             : fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked every {}", last.body.size(),
-                           static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls, rates));
+    line(source, source == Source::push
+                     ? fmt::format("ok, {} B, expected {} until the robot shows another pace", last.body.size(), rates)
+                     : fmt::format("ok, {} B in {:.1f} ms (median of {}), to be asked {}", last.body.size(),
+                                   static_cast<double>(rtt[rtt.size() / 2]) / 1e3, kPolls, rates));
     if (!last.give_up.empty()) {
       ++result_.problems;
       more(last.give_up);

@@ -114,11 +114,13 @@ void add_tail_options(CLI::App& command, LogArguments& arguments) {
 void add_options(CLI::App& command, RunArguments& arguments) {
   Overrides& o = arguments.overrides;
   command.add_option("--config", arguments.config_file, "TOML file; flags win over it (see samples/config/site.toml)");
-  command.add_option("--robot", o.robots, "NAME=HOST[:STATUS_PORT[:MODBUS_PORT]]; repeat for more robots")
+  command.add_option("--robot", o.robots, "NAME=HOST[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]]; repeat for more robots")
       ->type_name("ROBOT")
       ->allow_extra_args(false);
   command.add_option("--log", o.log, "folder of the log; made when it does not exist")->type_name("DIR");
-  command.add_option("--sources", o.sources, "record these and no others: status,io,registers,inputs,pose")
+  command
+      .add_option("--sources", o.sources,
+                  "record these and no others: " + fmt::format("{}", fmt::join(source_names(), ",")))
       ->join(',')
       ->type_name("LIST");
   command

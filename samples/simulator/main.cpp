@@ -26,7 +26,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   // serve
   std::string bind = "127.0.0.1";
-  std::string push_every = "500ms";
+  std::string push_every;
   std::string truth;
   std::string duration;
   int max_clients = 10;
@@ -157,15 +157,17 @@ int serve(const Arguments& arguments) {
 
   ServeOptions options;
   options.bind = arguments.bind;
-  options.push_period_us = duration_of(arguments.push_every, "--push-every");
+  options.push_period_us = arguments.push_every.empty() ? 0 : duration_of(arguments.push_every, "--push-every");
   options.truth_file = arguments.truth;
   options.max_clients = arguments.max_clients;
   Server server(robots, options);
   const std::string host = arguments.bind == "0.0.0.0" ? "127.0.0.1" : arguments.bind;
   std::string command = "run tacho-recorder run";
   for (std::size_t i = 0; i < robots.size(); ++i) {
-    const std::string address =
-        fmt::format("{}:{}:{}:{}", host, server.status_port(i), server.modbus_port(i), server.push_port(i));
+    std::string address = fmt::format("{}:{}:{}", host, server.status_port(i), server.modbus_port(i));
+    if (server.push_port(i) != 0) {
+      address += fmt::format(":{}", server.push_port(i));
+    }
     fmt::print("robot {} {}\n", robots[i].scenario.name, address);
     command += fmt::format(" --robot {}={}", robots[i].scenario.name, address);
   }
@@ -226,8 +228,7 @@ int run(int argc, char** argv) {
   common_options(*serving, a);
   serving->add_option("--robot", a.robots,
                       "NAME[:STATUS_PORT[:MODBUS_PORT[:PUSH_PORT]]], repeatable; port 0 = any free one");
-  serving->add_option("--push-every", a.push_every, "period of the push port, for example 100ms")
-      ->capture_default_str();
+  serving->add_option("--push-every", a.push_every, "also serve the push port, at this period, for example 500ms");
   serving->add_option("--truth", a.truth, "file for what was true, written at the end");
   serving->add_option("--for", a.duration, "how long, for example 60s or 2h; else until interrupted");
   serving->add_option(

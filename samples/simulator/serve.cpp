@@ -31,14 +31,16 @@ struct LiveStation {
   void start(const ServeOptions& options) {
     Listener status_listener(options.bind, status_port);
     Listener modbus_listener(options.bind, modbus_port);
-    Listener push_listener(options.bind, push_port);
-    push_port = push_listener.port();
     status_port = status_listener.port();
     modbus_port = modbus_listener.port();
     status = std::make_unique<StatusServer>(robot, faults, std::move(status_listener), options.max_clients);
     modbus = std::make_unique<ModbusServer>(robot, faults, std::move(modbus_listener));
-    push = std::make_unique<PushServer>(robot, faults, std::move(push_listener),
-                                        std::chrono::microseconds(options.push_period_us));
+    if (options.push_period_us > 0) {
+      Listener push_listener(options.bind, push_port);
+      push_port = push_listener.port();
+      push = std::make_unique<PushServer>(robot, faults, std::move(push_listener),
+                                          std::chrono::microseconds(options.push_period_us));
+    }
   }
   void stop() {
     status.reset();

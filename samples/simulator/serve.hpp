@@ -20,7 +20,7 @@ struct ServedRobot {
 
 struct ServeOptions {
   std::string bind = "127.0.0.1";
-  Micros push_period_us = 500'000;
+  Micros push_period_us = 0;  ///< 0: nobody listens on the push port
   std::string truth_file;  ///< written by finish() or at the end; empty = none
   int max_clients = 10;    ///< further ones get the 19204 / 61001 frame
 };
@@ -34,7 +34,7 @@ class Server {
 
   [[nodiscard]] std::uint16_t status_port(std::size_t robot) const;
   [[nodiscard]] std::uint16_t modbus_port(std::size_t robot) const;
-  [[nodiscard]] std::uint16_t push_port(std::size_t robot) const;
+  [[nodiscard]] std::uint16_t push_port(std::size_t robot) const;  ///< 0: none
   /// Closes listeners and connections of one robot, as if it were switched off; `start` brings it back on the same
   /// ports.
   void stop(std::size_t robot);

@@ -1,9 +1,12 @@
-// Whole programs as a user runs them: one JSON object per line. Usage: program_bench report|recorder [ROBOTS]
+// Whole programs as a user runs them: one JSON object per line. Usage: program_bench report|recorder|dead [ROBOTS]
 //
 // report: `tacho-analyzer report` on 30 simulated days at 0.1 Hz, three times, medians.
 // recorder: `tacho-recorder run` on simulated robots (100 unless said otherwise), each with 1100 at 1 Hz, 1013 at 2 Hz,
 // registers and inputs at 5 Hz. Processor time and memory of 20 s, after 5 s in which everything is connected. The
 // robots are served by this process, so what they cost is not in the figures, but they compete for the same cores.
+// dead: 32 robots of which 16 are silent, refuse, drip or are late, for a minute; of the others, how far after their
+// time requests were sent, and how much later at the end than at the beginning. A schedule begins where its earliest
+// request was.
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -13,7 +16,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -138,19 +143,85 @@ bool bench_report(const fs::path& dir) {
   return true;
 }
 
-bool bench_recorder(const fs::path& dir, int robots) {
+std::vector<sim::ServedRobot> served_robots(int count) {
   std::vector<sim::ServedRobot> served;
-  for (int i = 0; i < robots; ++i) {
-    served.push_back({sim::busy_day(static_cast<std::uint64_t>(i + 1)), 0, 0});
+  for (int i = 0; i < count; ++i) {
+    served.push_back({sim::busy_day(static_cast<std::uint64_t>(i + 1)), 0, 0, 0});
   }
-  const sim::Server server(served, {});
+  return served;
+}
+
+/// A recorder of all of them, r1, r2, ..., into dir/live.
+pid_t start_recorder(const sim::Server& server, std::size_t robots, const fs::path& dir) {
   std::vector<std::string> arguments{"run", "--log", (dir / "live").string(), "--period",
                                      "status=1Hz,io=2Hz,registers=5Hz,inputs=5Hz"};
-  for (std::size_t i = 0; i < served.size(); ++i) {
+  for (std::size_t i = 0; i < robots; ++i) {
     arguments.push_back("--robot");
     arguments.push_back(fmt::format("r{}=127.0.0.1:{}:{}", i + 1, server.status_port(i), server.modbus_port(i)));
   }
-  const pid_t pid = start("recorder/tacho-recorder", arguments, dir / "printed");
+  return start("recorder/tacho-recorder", arguments, dir / "printed");
+}
+
+/// How long after its time each request of a stream was sent, in order; the earliest was in time.
+std::vector<double> lateness_ms(RowSource& log, const Stream& stream) {
+  std::vector<double> late;
+  log.read_raw(stream.robot, stream.source, {}, [&](const Answer& answer) {
+    late.push_back(
+        static_cast<double>(answer.meta.t_send_us - static_cast<Micros>(answer.meta.seq) * stream.period_us) / 1e3);
+  });
+  const double first = late.empty() ? 0 : *std::min_element(late.begin(), late.end());
+  std::for_each(late.begin(), late.end(), [first](double& ms) { ms -= first; });
+  return late;
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+bool bench_dead(const fs::path& dir) {
+  constexpr int kRobots = 32;
+  constexpr std::array kFaults{"silence", "refuse", "slow_drip", "late"};
+  std::vector<sim::ServedRobot> served = served_robots(kRobots);
+  for (std::size_t i = 1; i < served.size(); i += 2) {
+    served[i].scenario.link_faults.push_back(sim::parse_fault_window(kFaults[i / 2 % kFaults.size()]));
+  }
+  const sim::Server server(served, {});
+  const pid_t pid = start_recorder(server, served.size(), dir);
+  std::this_thread::sleep_for(kWarmUp + 3 * kMeasured);
+  kill(pid, SIGTERM);
+  if (!wait_for(pid).ok) {
+    return false;
+  }
+  const std::vector<fs::path> paths{dir / "live"};
+  const auto log = open_log(paths);
+  std::vector<double> all;
+  double drift = 0;
+  std::uint64_t missed = 0;
+  for (const Coverage& c : log->coverage()) {
+    missed += c.robot % 2 == 1 ? c.missed : 0;
+  }
+  for (const Stream& stream : log->streams()) {
+    const std::vector<double> late = lateness_ms(*log, stream);
+    if (stream.robot % 2 == 1 && late.size() >= 8) {  // the healthy ones are r1, r3, ...
+      const auto quarter = static_cast<std::ptrdiff_t>(late.size() / 4);
+      drift = std::max(
+          drift, std::abs(median({late.end() - quarter, late.end()}) - median({late.begin(), late.begin() + quarter})));
+      all.insert(all.end(), late.begin(), late.end());
+    }
+  }
+  std::sort(all.begin(), all.end());
+  print("recorder/jitter_p99_16_of_32_dead", all[all.size() * 99 / 100], "ms", ",\"limit\":2,\"better\":\"lower\"");
+  print("recorder/jitter_p50_16_of_32_dead", all[all.size() / 2], "ms");
+  print("recorder/drift_16_of_32_dead", drift, "ms in a minute, of the worst stream");
+  print("recorder/missed_by_healthy_16_of_32_dead", static_cast<double>(missed), "polls");
+  return true;
+}
+
+bool bench_recorder(const fs::path& dir, int robots) {
+  const std::vector<sim::ServedRobot> served = served_robots(robots);
+  const sim::Server server(served, {});
+  const pid_t pid = start_recorder(server, served.size(), dir);
   std::this_thread::sleep_for(kWarmUp);
   const double before = cpu_seconds(pid);
   const auto begin = steady_clock::now();
@@ -180,11 +251,13 @@ int main(int argc, char** argv) {
   const std::string what = argc > 1 ? argv[1] : "";
   const int robots = argc > 2 ? std::stoi(argv[2]) : 100;
   std::string folder = (fs::temp_directory_path() / "tacho-bench-XXXXXX").string();
-  if ((what != "report" && what != "recorder") || robots < 1 || mkdtemp(folder.data()) == nullptr) {
-    fmt::print(stderr, "usage: program_bench report|recorder [ROBOTS]\n");
+  if ((what != "report" && what != "recorder" && what != "dead") || robots < 1 || mkdtemp(folder.data()) == nullptr) {
+    fmt::print(stderr, "usage: program_bench report|recorder|dead [ROBOTS]\n");
     return 2;
   }
-  const bool ok = what == "report" ? bench_report(folder) : bench_recorder(folder, robots);
+  const bool ok = what == "report" ? bench_report(folder)
+                  : what == "dead" ? bench_dead(folder)
+                                   : bench_recorder(folder, robots);
   if (!ok) {
     std::ifstream printed(fs::path(folder) / "printed");
     fmt::print(stderr, "program_bench: error: the program failed\n{}",

@@ -16,7 +16,8 @@ run() {
     store) for part in write blocks scan sql; do run "$part"; done ;;
     write | scan | sql) "$bench/$1_bench" ;;
     blocks) "$bench/block_bench" ;;
-    recorder | report) "$bench/program_bench" "$1" ;;
+    recorder) "$bench/program_bench" recorder && "$bench/program_bench" dead ;;
+    report) "$bench/program_bench" report ;;
     *) "$bench/analysis_bench" "$1" ;;
   esac
 }

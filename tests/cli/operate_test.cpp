@@ -36,11 +36,17 @@ std::vector<sim::ServedRobot> robots(std::size_t count) {
   return out;
 }
 
+sim::ServeOptions serving() {
+  sim::ServeOptions options;
+  options.push_period_us = 500'000;
+  return options;
+}
+
 /// Two simulated robots, a configuration file that names some of them, and a service manager.
 struct Site {
   TempDir dir;
   NotifySocket notify;
-  sim::Server server{robots(2), {}};
+  sim::Server server{robots(2), serving()};
   const std::string log = (dir / "log").string();
   const std::string config = (dir / "site.toml").string();
   std::vector<std::string> heard;
