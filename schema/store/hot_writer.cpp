@@ -1,7 +1,6 @@
 #include "schema/store/hot_writer.hpp"
 
 #include <algorithm>
-#include <utility>
 #include <vector>
 
 namespace tacho::store {
@@ -15,16 +14,16 @@ bool HotWriter::keep(StreamState& state, const Answer& answer) {
          pending_bytes_ >= kMostPending;
 }
 
-void HotWriter::pack(SessionId session, std::map<StreamId, StreamState>& streams) {
+void HotWriter::pack(SessionId session, std::map<StreamId, StreamState>& streams, HotLedger& hot) {
   for (auto& [id, state] : streams) {
     if (!state.pending.empty()) {
-      packed_.push_back(packed({session, id.first, id.second}, state));
+      packed_.push_back(packed({session, id.first, id.second}, state, hot));
     }
   }
   pending_bytes_ = 0;
 }
 
-HotWriter::Packed HotWriter::packed(const StreamKey& key, StreamState& state) {
+HotWriter::Packed HotWriter::packed(const StreamKey& key, StreamState& state, HotLedger& hot) {
   const HotMark& first = state.pending.marks.front();
   const HotEncoder::Stored stored = encoder_.encode(state.pending, state.base(keyframe_every_));
   Packed out;
@@ -37,14 +36,13 @@ HotWriter::Packed HotWriter::packed(const StreamKey& key, StreamState& state) {
   out.row.base = stored.needs_base ? state.previous_id : 0;
   out.row.rows = state.pending.marks.size();
   out.bytes = stored.data.size();
-  out.key = key;
-  out.sums = HotLedger::sums_of(state.pending.marks, out.bytes);
+  hot.add(key, out.row.id, HotLedger::sums_of(state.pending.marks, out.bytes));
   data_ += stored.data;
   state.packed(out.row.id, out.row.base != 0);
   return out;
 }
 
-std::uint64_t HotWriter::insert(PartWriter& part, HotLedger& hot) {
+std::uint64_t HotWriter::insert(PartWriter& part) {
   std::size_t at = 0;
   for (Packed& packed : packed_) {
     packed.row.data = std::string_view(data_).substr(at, packed.bytes);
@@ -53,7 +51,6 @@ std::uint64_t HotWriter::insert(PartWriter& part, HotLedger& hot) {
   std::sort(packed_.begin(), packed_.end(), [](const Packed& a, const Packed& b) { return a.row.id < b.row.id; });
   for (const Packed& packed : packed_) {
     part.put(packed.row);
-    hot.add(packed.key, packed.row.id, packed.sums);
   }
   packed_.clear();
   data_.clear();

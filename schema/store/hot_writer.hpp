@@ -26,11 +26,12 @@ class HotWriter {
   /// more answers would cost more than a part of a block when it is damaged, and memory is not for a log that is made,
   /// not recorded.
   [[nodiscard]] bool keep(StreamState& state, const Answer& answer);
-  /// Makes one row of what waits in each stream, in memory: that takes longer than inserting them, and needs no disk.
-  void pack(SessionId session, std::map<StreamId, StreamState>& streams);
+  /// Makes one row of what waits in each stream, in memory, and enters it in `hot`: that takes longer than inserting
+  /// them, and needs no disk.
+  void pack(SessionId session, std::map<StreamId, StreamState>& streams, HotLedger& hot);
   /// Inserts the packed rows inside the open transaction, in order of the first answer of each. All at once, so that
   /// the b-tree grows at its end. Returns bytes of their data. Throws SqliteError.
-  std::uint64_t insert(PartWriter& part, HotLedger& hot);
+  std::uint64_t insert(PartWriter& part);
   /// What waited is gone.
   void rolled_back();
 
@@ -42,8 +43,6 @@ class HotWriter {
   struct Packed {
     HotRow row;  ///< without data
     std::size_t bytes = 0;
-    StreamKey key;
-    HotLedger::Sums sums;
   };
 
   HotEncoder encoder_;
@@ -53,7 +52,7 @@ class HotWriter {
   std::vector<Packed> packed_;
   std::string data_;  // of the packed rows, one after the other
 
-  Packed packed(const StreamKey& key, StreamState& state);
+  Packed packed(const StreamKey& key, StreamState& state, HotLedger& hot);
 };
 
 }  // namespace tacho::store

@@ -383,11 +383,11 @@ void LogWriter::Impl::keep(StreamState& state, const Answer& answer) {
 
 void LogWriter::Impl::pack_kept() {
   if (session) {
-    answers.pack(session->id, streams);
+    answers.pack(session->id, streams, hot);
   }
 }
 
-void LogWriter::Impl::insert_packed() { stats.stored_bytes += answers.insert(part(), hot); }
+void LogWriter::Impl::insert_packed() { stats.stored_bytes += answers.insert(part()); }
 
 void LogWriter::Impl::declare(const Stream& declared) {
   assert(session && declared.session == session->id);
