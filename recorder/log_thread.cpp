@@ -207,15 +207,12 @@ void LogThread::measure(const AnswerMeta& meta) {
 }
 
 /// How far the robot's clock is off, from the answer that was written last.
-void LogThread::learn_clock(const AnswerMeta& meta) {
-  constexpr FieldIndex kCreateOn = field("create_on");
-  const Sample& sample = ingest_.last();
-  if (!sample.at(kCreateOn).has()) {
-    return;
-  }
-  if (const std::optional<Micros> robot_us = parse_time(sample.text(kCreateOn), "UTC")) {
+void LogThread::learn_clock(RobotId robot) {
+  RobotClock& clock = clocks_[robot];
+  clock.see(ingest_.last());
+  if (const std::optional<Micros> offset_us = clock.offset_us()) {
     const std::lock_guard lock(numbers_mutex_);
-    numbers_.clock_offset_us[meta.robot] = *robot_us - meta.t_mid_us();
+    numbers_.clock_offset_us[robot] = *offset_us;
   }
 }
 
@@ -281,7 +278,7 @@ void LogThread::write_row(const Item& item) {
     }
     attempt([&] { ingest_.append(stored->answer); });
     measure(stored->answer.meta);
-    learn_clock(stored->answer.meta);
+    learn_clock(stored->answer.meta.robot);
     look_for_io(stored->answer);
   } else if (const auto* gap = std::get_if<Gap>(&item)) {
     attempt([&] { ingest_.add(*gap); });

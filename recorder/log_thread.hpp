@@ -22,6 +22,7 @@
 #include "recorder/poller.hpp"
 #include "recorder/queue.hpp"
 #include "recorder/ring.hpp"
+#include "recorder/robot_clock.hpp"
 #include "recorder/snapshot.hpp"
 #include "schema/log.hpp"
 
@@ -111,7 +112,7 @@ class LogThread final : public Sink {
   void plan();
   void commit();
   void measure(const AnswerMeta& meta);
-  void learn_clock(const AnswerMeta& meta);
+  void learn_clock(RobotId robot);
   void publish();
   void foretell();
   void look_for_io(const Answer& answer);
@@ -124,6 +125,7 @@ class LogThread final : public Sink {
   Ring ring_;
   std::vector<std::pair<Event, std::string>> triggered_;  // by the row that is being written
   std::map<RobotId, Watched> watched_;
+  std::map<RobotId, RobotClock> clocks_;
   std::exception_ptr error_;  // written by the thread, read after join
   bool clean_ = false;        // written before the queue is closed, read after
   bool disk_fails_ = false;   // told, and nothing was committed since
