@@ -1,6 +1,7 @@
 // An independent Modbus server, pymodbus of Debian, where it is installed.
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <signal.h>
 #include <sys/wait.h>
 
@@ -63,7 +64,7 @@ class PymodbusServer {
 
 bool installed() {
   return std::filesystem::exists(kPython) &&
-         std::system((std::string(kPython) + " -c 'import pymodbus' 2>/dev/null").c_str()) == 0;
+         std::system(fmt::format("{} -c 'import pymodbus' 2>/dev/null", kPython).c_str()) == 0;
 }
 
 std::vector<Answer> answers_of(const std::filesystem::path& folder, Source source) {
