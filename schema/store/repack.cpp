@@ -175,6 +175,7 @@ void Repacker::drop() {
 }
 
 bool Repacker::pack(Connection& connection, Deadline until) {
+  const Transaction reading(connection);  // without it SQLite locks the part for each row anew
   while (!waiting_.empty() && packed_bytes_ < kMostPacked) {
     Waiting next = std::move(waiting_.back());
     waiting_.pop_back();

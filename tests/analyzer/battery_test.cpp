@@ -262,7 +262,7 @@ TEST_CASE("few days have no trend") {
     // This robot never stands with little current: no day has a resting voltage.
     const bool rest = std::get<std::string>(cell(t, i, "quantity")) == "rest_voltage";
     CHECK(std::get<Quantity>(cell(t, i, "slope_30d")).reason ==
-          std::string("needs 8 days observed for 80 %, has ") + (rest ? "0" : "5"));
+          std::string(rest ? "needs 8 days observed for 80 %, has 0" : "needs 8 days observed for 80 %, has 5"));
   }
 }
 

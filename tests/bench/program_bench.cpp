@@ -22,6 +22,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -114,6 +115,23 @@ double stored_rows(const fs::path& folder, std::uint64_t& planned) {
     planned += c.planned;
   }
   return static_cast<double>(stored);
+}
+
+/// Polls by the cause why they are missing.
+std::map<std::string, std::uint64_t> missed_polls(const fs::path& folder) {
+  const std::vector<fs::path> paths{folder};
+  const auto log = open_log(paths);
+  Selection selection;
+  selection.rows.fill(true);
+  std::map<std::string, std::uint64_t> missed;
+  for (const Robot& robot : log->robots()) {
+    log->read(robot.id, {}, selection, [&](const Slice& slice) {
+      for (const Gap& gap : slice.gaps) {
+        missed[std::string(cause_name(gap.cause))] += gap.partial ? 0 : gap.seq_count;
+      }
+    });
+  }
+  return missed;
 }
 
 bool bench_report(const fs::path& dir) {
@@ -242,6 +260,9 @@ bool bench_recorder(const fs::path& dir, int robots) {
         goal ? ",\"limit\":64,\"better\":\"lower\"" : "");
   print(fmt::format("recorder/stored_{}_robots", robots), 100.0 * stored / static_cast<double>(planned),
         "% of planned polls");
+  for (const auto& [cause, polls] : missed_polls(dir / "live")) {
+    print(fmt::format("recorder/missed_{}_{}_robots", cause, robots), static_cast<double>(polls), "polls");
+  }
   return true;
 }
 

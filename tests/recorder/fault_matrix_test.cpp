@@ -137,16 +137,16 @@ std::string wrong_value(const Answer& answer, const std::string& robot) {
                ? ""
                : std::string(source_name(answer.meta.source)) + ": " + answer.body.substr(0, 100);
   }
-  Gates gates;
-  if (answer.meta.source == Source::inputs) {
-    wire::decode_inputs(answer.body, FieldSet().set(), gates, sample);
-    return sample.decodable && answer.body.size() == 4 + 10 ? "" : "inputs";
-  }
-  wire::decode_registers(answer.body, WordOrder::cdab, gates, FieldSet().set(), sample);
   const auto is = [&](std::string_view name, std::int64_t value) {
     const FieldIndex f = find_field(name);
     return sample.at(f).state == State::absent || sample.at(f).integer == value;  // absent: that range is a gap
   };
+  Gates gates;
+  if (answer.meta.source == Source::inputs) {
+    wire::decode_inputs(answer.body, FieldSet().set(), gates, sample);
+    return sample.decodable && is("is_stop", 1) && is("blocked", 0) && is("emergency", 0) ? "" : "inputs";
+  }
+  wire::decode_registers(answer.body, WordOrder::cdab, gates, FieldSet().set(), sample);
   const double volts = sample.at(field("voltage")).real;
   const bool fine = sample.decodable && is("ip_1", 127) && is("ip_2", 0) && is("ip_4", 1) &&
                     (sample.at(field("voltage")).state == State::absent || (volts > 30 && volts < 70));
