@@ -14,6 +14,7 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kAnswersBeforeIoNotice = 5;
+constexpr std::chrono::milliseconds kGather{20};  // answers that are written together
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
 /// An answer, gap or event of the ring.
@@ -118,7 +119,7 @@ void LogThread::run() {
     bool open = true;
     while (open) {
       busy_since_us_ = 0;
-      open = queue_.pop_all(items, next_commit);
+      open = queue_.pop_all(items, next_commit, kGather);
       for (Item& item : items) {
         busy_since_us_ = mono_now_us();
         write(item);
