@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -202,6 +203,29 @@ void check_inputs(const RobotConfig& robot) {
     throw UsageError(named(robot),
                      "inputs that are asked less often while the robot stands need at least one poll in 5 s",
                      "what registers mean depends on the inputs before them; choose 5s or less");
+  }
+}
+
+/// Two names for one robot: it would be asked twice as often as it should, and counted twice in all sums.
+void check_addresses(const Config& config) {
+  std::map<std::string, std::string> robots;
+  const auto claim = [&](const RobotConfig& robot, Protocol protocol, const std::string& address) {
+    const auto asks = [&](Source source) {
+      return source_info(source).protocol == protocol && robot.settings.period(source) > 0;
+    };
+    if (std::none_of(all_sources().begin(), all_sources().end(), asks)) {
+      return;
+    }
+    if (const auto [first, only] = robots.emplace(address, robot.name); !only) {
+      throw UsageError(named(robot), fmt::format("is asked at {}, and so is robot {}", address, first->second),
+                       "correct one of the addresses, or drop one of the robots");
+    }
+  };
+  for (const RobotConfig& robot : config.robots) {
+    claim(robot, Protocol::status_port, fmt::format("{}:{}", robot.host, robot.status_port));
+    claim(robot, Protocol::modbus,
+          fmt::format("{}:{} unit {}", robot.host, robot.modbus_port, robot.settings.modbus.unit));
+    claim(robot, Protocol::push_port, fmt::format("{}:{}", robot.host, robot.push_port));
   }
 }
 
@@ -424,14 +448,15 @@ void validate(const Config& config) {
     if (std::all_of(periods.begin(), periods.end(), [](Micros p) { return p == 0; })) {
       throw UsageError(named(robot), "every source is off", "switch one on, or drop the robot");
     }
-    check_rates(robot, Protocol::status_port, robot.settings.status.spacing_us, "status");
-    check_rates(robot, Protocol::modbus, robot.settings.modbus.spacing_us, "modbus");
     check_fast(robot, Source::pose);
     check_fast(robot, Source::ring);
+    check_rates(robot, Protocol::status_port, robot.settings.status.spacing_us, "status");
+    check_rates(robot, Protocol::modbus, robot.settings.modbus.spacing_us, "modbus");
     check_fixed(robot, Source::push, "the robot decides when it pushes; give one period");
     check_fixed(robot, Source::ring, "what happens next is not known; give one period");
     check_inputs(robot);
   }
+  check_addresses(config);
 }
 
 }  // namespace tacho::recorder

@@ -224,10 +224,11 @@ std::vector<Fleet::StreamCounts> Fleet::streams() const {
     }
   }
   const std::size_t living = out.size();
-  for (const auto& [id, counts] : ended_) {
+  for (const auto& ended : ended_) {
     const auto end = out.begin() + static_cast<std::ptrdiff_t>(living);
-    if (std::none_of(out.begin(), end, [&](const auto& s) { return s.id == id.first && s.source == id.second; })) {
-      out.push_back(counts);
+    const auto same = [&](const StreamCounts& s) { return StreamId(s.id, s.source) == ended.first; };
+    if (std::none_of(out.begin(), end, same)) {
+      out.push_back(ended.second);
     }
   }
   return out;

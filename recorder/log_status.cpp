@@ -71,8 +71,8 @@ void note_rate(const Event& event, SessionId session, std::map<Source, StreamSta
   }
 }
 
-/// `session`: the one that is looked at.
-void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros newest_us,
+/// `session`: the one that is looked at; `until_us`: what is recorded by now is in the log until then.
+void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros until_us,
                  std::map<Source, StreamStatus*>& streams) {
   const auto [robot, session] = of;
   Selection times;
@@ -80,13 +80,13 @@ void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros
     times.rows[static_cast<std::size_t>(source)] = true;
   }
   times.records = false;
-  log.read(robot, {newest_us - kMinute + 1, newest_us + 1}, times, [&](const Slice& slice) {
+  log.read(robot, {until_us - kMinute + 1, until_us + 1}, times, [&](const Slice& slice) {
     for (const Batch& batch : slice.batches) {
       streams.at(batch.source)->last_minute += batch.rows();
     }
   });
   const Selection records;
-  log.read(robot, {newest_us - kDay, Window{}.to_us}, records, [&](const Slice& slice) {
+  log.read(robot, {until_us - kDay, Window{}.to_us}, records, [&](const Slice& slice) {
     for (const Gap& gap : slice.gaps) {
       const auto stream = streams.find(gap.source);
       if (!gap.partial && stream != streams.end()) {
@@ -121,7 +121,6 @@ std::vector<StreamStatus> streams_of(const RowSource& log, const Session& sessio
     StreamStatus row;
     row.robot = names[stream.robot];
     row.source = stream.source;
-    row.word_order = stream.source == Source::registers ? word_order_name(stream.word_order) : "";
     const auto known = std::find_if(coverage.begin(), coverage.end(), [&](const Coverage& c) {
       return c.robot == stream.robot && c.source == stream.source;
     });
@@ -130,6 +129,8 @@ std::vector<StreamStatus> streams_of(const RowSource& log, const Session& sessio
       row.stored = known->stored;
       row.missed = known->missed;
     }
+    const bool has_order = stream.source == Source::registers && row.last_answer_us > 0;
+    row.word_order = has_order ? word_order_name(stream.word_order) : "";
     const bool young = row.last_answer_us - session.t_start_us < kDay;
     row.period_us = period_of(config, row.robot, stream, young);
     places[stream.robot].push_back(out.size());
@@ -150,7 +151,9 @@ std::string headline(const LogStatus& s) {
     return fmt::format("recorded by {} {}", s.holder, since);
   }
   if (s.alive()) {
-    return fmt::format("recorded {}; by whom cannot be seen from here (another container or computer)", since);
+    return fmt::format(
+        "recorded {}; but by nobody who can be seen from here: by another computer or container, or it has just died",
+        since);
   }
   if (s.session.t_end_us > 0 && s.session.clean) {
     return fmt::format("NOT RECORDED: the last recording ended {}, {} ago", iso_utc(s.session.t_end_us),
@@ -194,6 +197,9 @@ bool LogStatus::alive() const {
 }
 
 LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
+  if (std::filesystem::is_regular_file(folder)) {
+    throw UsageError(folder.string(), "is a file", "give the folder of the log");
+  }
   LogStatus out;
   out.log = folder;
   out.now_us = now_us;
@@ -210,15 +216,17 @@ LogStatus read_status(const std::filesystem::path& folder, Micros now_us) {
   for (const StreamStatus& stream : out.streams) {
     out.newest_us = std::max(out.newest_us, stream.last_answer_us);
   }
+  const Micros commit_us = config ? config->commit_us : 0;
+  const bool goes_on = out.alive() && out.newest_us <= now_us;  // else the clock was set back since
+  const Micros until_us = goes_on ? std::max(out.newest_us, now_us - 2 * commit_us) : out.newest_us;
   for (const auto& [robot, rows] : places) {
     std::map<Source, StreamStatus*> streams;
     for (const std::size_t row : rows) {
       streams[out.streams[row].source] = &out.streams[row];
     }
-    read_recent(*log, {robot, out.session.id}, out.newest_us, streams);
+    read_recent(*log, {robot, out.session.id}, until_us, streams);
   }
   for (StreamStatus& stream : out.streams) {
-    const Micros commit_us = config ? config->commit_us : 0;
     const Micros due_us = std::max(stream.last_answer_us, out.session.t_start_us) + 3 * stream.period_us + commit_us;
     const bool always = stream.source != Source::ring;  // of which nothing comes while nothing happens
     stream.late = always && stream.period_us > 0 && out.alive() && now_us > due_us + kPatience;

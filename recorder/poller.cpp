@@ -145,7 +145,7 @@ PollResult Poller::ask(Lane& lane, std::uint64_t seq) {
     result.detail = "stopped while waiting for the answer";
   }
   if (result.cause != Cause::shutdown || result.ok) {
-    judge_link(lane, seq, result);
+    judge_link(result);
   }
   for (const LinkNote& note : result.notes) {
     emit(lane, seq, note);
@@ -229,11 +229,14 @@ void Poller::miss(Lane& lane, std::uint64_t count, Cause cause, const std::strin
   lane.counters.missed[static_cast<std::size_t>(cause)] += count;
 }
 
-void Poller::judge_link(const Lane& lane, std::uint64_t seq, const PollResult& result) {
+/// Events of the connection are events of its first source, whichever noticed.
+void Poller::judge_link(const PollResult& result) {
+  const Lane& first = *lanes_.front();
+  const std::uint64_t seq = first.schedule->next();
   const bool connected = link_->connected();
   if ((result.ok || connected) && (!up_.exchange(true) || !announced_)) {
     announced_ = true;
-    emit(lane, seq, {EventKind::link_up, {}, {}, {}, {}});
+    emit(first, seq, {EventKind::link_up, {}, {}, {}, {}});
   }
   // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
   if (connected || (result.ok && !result.partial)) {
@@ -247,7 +250,7 @@ void Poller::judge_link(const Lane& lane, std::uint64_t seq, const PollResult& r
   outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
   if (up_.exchange(false) || !announced_) {
     announced_ = true;
-    emit(lane, seq, {EventKind::link_down, {}, {}, std::string(cause_name(result.cause)), result.detail});
+    emit(first, seq, {EventKind::link_down, {}, {}, std::string(cause_name(result.cause)), result.detail});
   }
 }
 

@@ -112,7 +112,7 @@ class Poller {
   PollResult ask(Lane& lane, std::uint64_t seq);
   void store(Lane& lane, std::uint64_t seq, PollResult result);
   void miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail);
-  void judge_link(const Lane& lane, std::uint64_t seq, const PollResult& result);
+  void judge_link(const PollResult& result);
   void emit(const Lane& lane, std::uint64_t seq, const LinkNote& note);
   void flush_old_gaps();
   void finish(Micros end_us);

@@ -241,7 +241,8 @@ struct Recorder::Impl {
       const auto known =
           std::find_if(counts.begin(), counts.end(), [&](const auto& c) { return c.id == id && c.source == source; });
       const StreamPoll poll{session.id, id, source, known == counts.end() ? 0 : known->planned};
-      const Micros was = before == nullptr || known == counts.end() ? 0 : known->last_period_us;
+      const bool asked = before != nullptr && before->period(source) > 0 && known != counts.end();
+      const Micros was = asked ? known->last_period_us : 0;
       const Micros is = now == nullptr ? 0 : now->rates(source).fastest();
       const auto heard = numbers.streams.find({id, source});
       if (was != is) {

@@ -32,7 +32,7 @@ constexpr std::array<Words, kCauseCount> kCauses{{
     {"backoff", "waiting before the next connection attempt"},
     {"queue_full", "the recorder could not keep up with writing"},
     {"disk", "the log could not be written"},
-    {"recorder_off", "the recorder was not running"},
+    {"recorder_off", "nobody asked: the recorder was not running, or this source was off"},
     {"recorder_killed", "not yet committed when the recorder died"},
     {"shutdown", "the recorder was stopping"},
     {"damaged", "lost from the log that this one was recovered from"},

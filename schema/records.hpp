@@ -64,7 +64,7 @@ enum class Cause : std::uint8_t {
   backoff,
   queue_full,
   disk,
-  recorder_off,     ///< between two sessions, no polls were planned
+  recorder_off,     ///< no polls were planned: between two sessions, or while the source was off
   recorder_killed,  ///< lost with the process: not yet committed when it died
   shutdown,
   damaged,      ///< was in a log of which this one holds what could be read

@@ -52,12 +52,13 @@ Finding unknown(Finding f, const std::string& why, const std::string& advice) {
 
 constexpr const char* kNoRows = "the log has no rows with a pose, a speed or a counter";
 constexpr const char* kRecord = "record the robot with source status at 1 Hz or faster";
+constexpr const char* kAskFaster = "record source status more often than now";
 constexpr const char* kDriveMore = "record more driving";
 
 /// The verdict of a scale that should be 1, with its evidence left to the caller.
 void judge_scale(Finding& f, double driven_m, const Config& config, double fail, const std::string& wide) {
   if (!f.value.value) {
-    f.advice = f.value.reason.find("period") != std::string::npos ? kRecord : kDriveMore;
+    f.advice = f.value.reason.find("period") != std::string::npos ? kAskFaster : kDriveMore;
     return;
   }
   if (driven_m < config.driven_min_m) {

@@ -79,7 +79,7 @@ Section result(SqlSession& session, const std::string& statement) {
   table.name = "result";
   const auto head = [&](const std::vector<std::string>& names) {
     for (const std::string& name : names) {
-      table.columns.push_back({name, "", ""});
+      table.columns.push_back({name, "", "", false, false, ColumnType::exact});
     }
   };
   session.run(statement, head, [&](std::span<const SqlValue> row) {

@@ -33,6 +33,7 @@ Layout layout_of(const ColumnSpec& spec) {
       layout.type = "boolean";
       break;
     case ColumnType::number:
+    case ColumnType::exact:
     case ColumnType::own_units:
       layout.type = "number";
       break;

@@ -39,6 +39,7 @@ enum class ColumnType : std::uint8_t {
   integer,   ///< a count or a number of something
   flag,      ///< true or false
   number,    ///< without a unit
+  exact,     ///< likewise, with all its digits also where people read it
   own_units  ///< Quantities that bring a unit each: CSV has another column name_unit
 };
 

@@ -61,11 +61,13 @@ std::string coloured(Verdict verdict, bool colour) {
 
 struct CellText {
   const TerminalOptions& options;
-  const std::string& column_unit;
+  const ColumnSpec& column;
   std::string operator()(const Missing&) const { return "-"; }
   std::string operator()(bool value) const { return value ? "yes" : "no"; }
   std::string operator()(std::int64_t value) const { return exact(value); }
-  std::string operator()(double value) const { return brief(value); }
+  std::string operator()(double value) const {
+    return column.type == ColumnType::exact ? exact(value) : brief(value);
+  }
   std::string operator()(const std::string& value) const {
     const std::string line = one_line(value);
     return options.all ? line : shortened(line, options.cell);
@@ -76,7 +78,7 @@ struct CellText {
       return value.reason.empty() ? "-" : (*this)(brief(value));
     }
     Quantity shown = value;
-    shown.unit = value.unit == column_unit ? "" : value.unit;  // the header has said it
+    shown.unit = value.unit == column.unit ? "" : value.unit;  // the header has said it
     return brief(shown);
   }
 };
@@ -122,7 +124,7 @@ Grid2D cells_of(const DataTable& table, const TerminalOptions& options, std::siz
   for (std::size_t r = 0; r < shown; ++r) {
     grid.rows.emplace_back();
     for (std::size_t c = 0; c < table.columns.size(); ++c) {
-      grid.rows.back().push_back(std::visit(CellText{options, table.columns[c].unit}, table.rows[r][c]));
+      grid.rows.back().push_back(std::visit(CellText{options, table.columns[c]}, table.rows[r][c]));
       grid.right[c] = grid.right[c] || numeric(table.rows[r][c]);
     }
   }

@@ -13,6 +13,7 @@
 #include "samples/simulator/serve.hpp"
 #include "samples/simulator/write.hpp"
 #include "schema/error.hpp"
+#include "schema/store/part.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::sim {
@@ -202,6 +203,9 @@ int write(const Arguments& arguments) {
     options.progress = [](double share) {
       fmt::print(stderr, "\rwriting {:3.0f} %{}", share * 100, share < 1 ? "" : "\n");
     };
+  }
+  if (!store::list_parts(arguments.log).empty()) {
+    throw Error(arguments.log, "holds a log already, and truth.json tells of one only", "give another folder");
   }
   const std::vector<Truth> truths = write_log(scenarios, options, arguments.log);
   for (std::size_t i = 0; i < truths.size(); ++i) {

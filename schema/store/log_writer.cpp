@@ -396,7 +396,7 @@ void LogWriter::Impl::declare(const Stream& declared) {
   state.row.stream.planned.reset();
   write([&] { part().put(state.row); });
   const auto last = earlier.find({declared.robot, declared.source});
-  if (last == earlier.end()) {
+  if (last == earlier.end() || declared.source == Source::ring) {  // of which only windows are recorded
     return;
   }
   Gap gap;

@@ -261,6 +261,7 @@ TEST_CASE("every cell is of the type that its column says") {
       case ColumnType::flag:
         return std::holds_alternative<bool>(value);
       case ColumnType::number:
+      case ColumnType::exact:
       case ColumnType::own_units:
         return number;
       case ColumnType::plain:

@@ -331,3 +331,34 @@ TEST_CASE("pose is off, asked up to 10 Hz, and up to 20 Hz only when that is sai
   apply(o, config);
   CHECK(config.robots[0].settings.period(Source::pose) == 200'000);
 }
+
+TEST_CASE("two robots at one address are refused, but not where only one of them asks there") {
+  const auto robot = [](const std::string& name, std::uint16_t status, std::uint16_t modbus, int unit) {
+    RobotConfig out;
+    out.name = name;
+    out.host = "10.0.0.5";
+    out.status_port = status;
+    out.modbus_port = modbus;
+    out.settings.modbus.unit = unit;
+    return out;
+  };
+  Config config;
+  const auto refusal = [&]() -> std::string {
+    try {
+      validate(config);
+      return "";
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+  };
+  config.robots = {robot("a", 19204, 502, 1), robot("b", 19205, 502, 2)};  // a gateway with two units
+  CHECK(refusal().empty());
+  config.robots[1].settings.modbus.unit = 1;
+  CHECK(has(refusal(), "robot b"));
+  CHECK(has(refusal(), "is asked at 10.0.0.5:502 unit 1, and so is robot a"));
+  config.robots[1].settings.period_us[static_cast<std::size_t>(Source::registers)] = 0;
+  config.robots[1].settings.period_us[static_cast<std::size_t>(Source::inputs)] = 0;
+  CHECK(refusal().empty());
+  config.robots[1].status_port = 19204;
+  CHECK(has(refusal(), "is asked at 10.0.0.5:19204, and so is robot a"));
+}

@@ -128,6 +128,11 @@ TEST_CASE("a source whose answers stay away while the log is recorded is late") 
   CHECK(status.alive());  // the lock is held
   CHECK(stream(status, "r1", Source::status).late);
   CHECK(has(status_text(status), "LATE"));
+  const auto in_last_minute = [&](Micros later_us) {
+    return stream(read_status(site.log(), wall_now_us() + later_us), "r1", Source::status).last_minute;
+  };
+  CHECK(in_last_minute(30'000'000) > 0);
+  CHECK(in_last_minute(120'000'000) == 0);
   site.recorder->finish();
 }
 

@@ -231,10 +231,17 @@ TEST_CASE("a source that is switched on later is a stream of the same session") 
   while (bench.recorder->snapshot().streams.size() < 2 || bench.recorder->snapshot().streams[1].stored < 2) {
     std::this_thread::sleep_for(2ms);
   }
+  bench.reload({robot("a", 20'000)}, "io off");
+  bench.reload({with_io}, "io on again");
   const auto summary = bench.recorder->finish();
   REQUIRE(summary.size() == 2);
   check_log(bench.dir / "log", summary);
-  CHECK(bench.events(1, EventKind::rate).size() == 1);
+  std::vector<std::string> rates;
+  for (const Event& event : bench.events(1, EventKind::rate)) {
+    CHECK(event.source == Source::io);
+    rates.push_back(event.old_value + " -> " + event.new_value);
+  }
+  CHECK(rates == std::vector<std::string>{"off -> 20 ms", "20 ms -> off", "off -> 20 ms"});
 }
 
 TEST_CASE("a reload without a difference, or with one that is refused, leaves no trace") {
