@@ -218,9 +218,7 @@ CheckResult check(const Config& config) {
     all.text += result.text;
     all.problems += result.problems;
   }
-  if (!config.log.empty()) {
-    all.text += log_text(config);
-  }
+  all.text += config.log.empty() ? "log none given; `run` needs one\n" : log_text(config);
   return all;
 }
 

@@ -74,7 +74,8 @@ void note_rate(const Event& event, SessionId session, std::map<Source, StreamSta
 /// `session`: the one that is looked at; `until_us`: what is recorded by now is in the log until then.
 void read_recent(RowSource& log, const std::pair<RobotId, SessionId>& of, Micros until_us,
                  std::map<Source, StreamStatus*>& streams) {
-  const auto [robot, session] = of;
+  const RobotId robot = of.first;
+  const SessionId session = of.second;
   Selection times;
   for (const auto& [source, stream] : streams) {
     times.rows[static_cast<std::size_t>(source)] = true;

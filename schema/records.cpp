@@ -34,7 +34,7 @@ constexpr std::array<Words, kCauseCount> kCauses{{
     {"disk", "the log could not be written"},
     {"recorder_off", "nobody asked: the recorder was not running, or this source was off"},
     {"recorder_killed", "not yet committed when the recorder died"},
-    {"shutdown", "the recorder was stopping"},
+    {"shutdown", "the recorder was stopping, or its settings were changed"},
     {"damaged", "lost from the log that this one was recovered from"},
     {"other_robot", "another robot answered at this address"},
 }};
