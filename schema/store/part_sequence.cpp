@@ -72,7 +72,8 @@ PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level,
     }
     // The last connection to a part takes its WAL away, so what was being finished when a kill came may have none.
     std::optional<KeptPart> part = read_kept_part(file, log_);
-    if (fs::exists(file.path.string() + "-wal", unknown) || (part && !part->closed)) {
+    // A file of another log or program is not ours to finish.
+    if (part && (!part->closed || fs::exists(file.path.string() + "-wal", unknown))) {
       left_.push_back({file, std::nullopt, false, nullptr, {}});
     } else {
       keep(std::move(part));

@@ -249,12 +249,17 @@ TEST_CASE("files that are no parts of this log are never removed") {
     first.end();
   }
   fs::remove(dir / "log" / "part-000000.db");  // the log has its own name by now
+  const fs::path wal = dir / "log" / "part-000000.db-wal";
   {
     Recording other(dir / "third");
     other.polls(5);
+    other.writer.commit();
+    const fs::path part = part_files(dir / "third")[0];
+    fs::copy_file(part, dir / "log" / "part-000000.db");
+    fs::copy_file(part.string() + "-wal", wal);
     other.end();
   }
-  fs::copy_file(part_files(dir / "third")[0], dir / "log" / "part-000000.db");
+  const auto wal_bytes = fs::file_size(wal);
   Recording recording(dir / "log", small_parts({0, 200'000, 0}));
   for (int i = 0; i < 80; ++i) {
     recording.polls(20);
@@ -263,6 +268,9 @@ TEST_CASE("files that are no parts of this log are never removed") {
   recording.end();
   CHECK(fs::exists(dir / "log" / "part-000000.db"));
   CHECK(fs::exists(dir / "log" / "part-000001.db"));
+  REQUIRE(fs::exists(wal));
+  CHECK(fs::file_size(wal) == wal_bytes);  // nor finished
+  fs::remove(wal);
   fs::remove(dir / "log" / "part-000000.db");  // a reader would ask which of the two logs is meant
   CHECK_FALSE(removals(dir / "log").empty());
 }
