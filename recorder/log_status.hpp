@@ -20,7 +20,7 @@ struct StreamStatus {
   bool late = false;          ///< the last answer is older than it should be; only while recorded
   std::uint64_t stored = 0;   ///< in the whole log, as all counts but the next two
   std::uint64_t missed = 0;
-  std::uint64_t last_minute = 0;                           ///< answers; while nobody records, of the minute before the newest
+  std::uint64_t last_minute = 0;  ///< answers; while nobody records, of the minute before the newest
   std::array<std::uint64_t, kCauseCount> missed_in_day{};  ///< polls in the day before the newest answer of the log
   std::string lost;                                        ///< why its connection is down; empty: it is up
   std::string word_order;                                  ///< of registers

@@ -14,7 +14,7 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kAnswersBeforeIoNotice = 5;
-constexpr std::chrono::milliseconds kGather{20};  // answers that are written together
+constexpr std::chrono::milliseconds kGather{20};       // answers that are written together
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
 /// An answer, gap or event of the ring.

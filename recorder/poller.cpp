@@ -282,7 +282,8 @@ void Poller::finish(Micros end_us) {
     // A poll that was started just before a stop may be due after the instant the stop was stamped with.
     const std::uint64_t next = lane->schedule->next();
     const std::uint64_t planned = lane->given_up ? next : std::max(lane->schedule->planned_before(end_us), next);
-    miss(*lane, planned - lane->schedule->next(), Cause::shutdown, "the recorder was stopping, or its settings were changed");
+    miss(*lane, planned - lane->schedule->next(), Cause::shutdown,
+         "the recorder was stopping, or its settings were changed");
     lane->gaps->flush();
     lane->counters.planned = planned;
   }

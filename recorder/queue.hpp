@@ -63,7 +63,8 @@ class Queue {
     std::unique_lock lock(mutex_);
     filled_.wait_until(lock, deadline, [this] { return closed_ || !items_.empty(); });
     if (!items_.empty() && gather.count() > 0) {
-      filled_.wait_until(lock, std::min(deadline, std::chrono::steady_clock::now() + gather), [this] { return closed_; });
+      filled_.wait_until(lock, std::min(deadline, std::chrono::steady_clock::now() + gather),
+                         [this] { return closed_; });
     }
     std::swap(out, items_);
     bytes_ = 0;

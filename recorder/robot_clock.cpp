@@ -26,9 +26,9 @@ std::optional<Micros> shown_by_registers(const Sample& sample) {
     }
     parts[i] = sample.at(kParts[i]).integer;
   }
-  return parse_time(fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z", parts[0], parts[1], parts[2], parts[3],
-                                parts[4], parts[5]),
-                    "UTC");
+  return parse_time(
+      fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z", parts[0], parts[1], parts[2], parts[3], parts[4], parts[5]),
+      "UTC");
 }
 
 Micros without_zone(Micros us) {

@@ -3,9 +3,9 @@
 //
 // From `create_on`, which names its zone and milliseconds: within half a round trip. Where the last minute had none,
 // from registers 126 to 131: whole seconds of local time. One that shows second s, asked and answered at `send` and
-// `recv`, says that the difference is in [s - recv, s + 1 - send); what all of a minute have in common is narrow as soon
-// as the second has been seen to change. They name no zone, which is a multiple of a quarter of an hour: a clock that
-// is wrong by more than half of that is not told from another zone.
+// `recv`, says that the difference is in [s - recv, s + 1 - send); what all of a minute have in common is narrow as
+// soon as the second has been seen to change. They name no zone, which is a multiple of a quarter of an hour: a clock
+// that is wrong by more than half of that is not told from another zone.
 
 #include <optional>
 

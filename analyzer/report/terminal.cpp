@@ -65,9 +65,7 @@ struct CellText {
   std::string operator()(const Missing&) const { return "-"; }
   std::string operator()(bool value) const { return value ? "yes" : "no"; }
   std::string operator()(std::int64_t value) const { return exact(value); }
-  std::string operator()(double value) const {
-    return column.type == ColumnType::exact ? exact(value) : brief(value);
-  }
+  std::string operator()(double value) const { return column.type == ColumnType::exact ? exact(value) : brief(value); }
   std::string operator()(const std::string& value) const {
     const std::string line = one_line(value);
     return options.all ? line : shortened(line, options.cell);

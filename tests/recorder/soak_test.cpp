@@ -162,8 +162,7 @@ double resident_bytes() {
 }
 
 std::size_t open_files() {
-  return static_cast<std::size_t>(
-      std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
+  return static_cast<std::size_t>(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
 }
 
 /// What the process holds, every simulated hour.
@@ -205,7 +204,9 @@ class Soak {
     LogThread::Options out;
     out.commit_interval = std::chrono::milliseconds(5);
     out.planned = [this](store::LogWriter& writer) { tell_planned(writer); };
-    out.notice = [this](const std::string& text) { disk_failures_ += text.find("cause disk") != std::string::npos ? 1 : 0; };
+    out.notice = [this](const std::string& text) {
+      disk_failures_ += text.find("cause disk") != std::string::npos ? 1 : 0;
+    };
     log_ = std::make_unique<LogThread>(writer_, ingest_, std::move(out));
     log_->watch(robot_, config_.name, config_);
     RobotWatch::Options watch;
@@ -219,9 +220,9 @@ class Soak {
       options.session = session_;
       options.spacing_us = 0;
       options.watch = watch_.get();
-      options.sources = i == 0 ? std::vector<PolledSource>{{Source::status, kSecond}, {Source::io, kSecond / 2, 250'000}}
-                               : std::vector<PolledSource>{{Source::registers, kSecond / 5},
-                                                           {Source::inputs, kSecond / 5, 100'000}};
+      options.sources =
+          i == 0 ? std::vector<PolledSource>{{Source::status, kSecond}, {Source::io, kSecond / 2, 250'000}}
+                 : std::vector<PolledSource>{{Source::registers, kSecond / 5}, {Source::inputs, kSecond / 5, 100'000}};
       pollers_.push_back(std::make_unique<Poller>(
           std::move(options), std::make_unique<SimulatedLink>(*clocks_[i], scenario), *clocks_[i], *log_));
     }
