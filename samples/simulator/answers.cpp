@@ -12,6 +12,7 @@
 #include "samples/simulator/status_slots.hpp"
 #include "samples/simulator/status_template.hpp"
 #include "schema/wire/registers.hpp"
+#include "schema/wire/requests.hpp"
 
 namespace tacho::sim {
 namespace {
@@ -278,6 +279,38 @@ std::array<std::uint8_t, 80> AnswerMaker::inputs(const RobotState& state) {
     }
   }
   return bits;
+}
+
+std::string AnswerMaker::body(Source source, const RobotState& state) {
+  std::string image;
+  switch (source) {
+    case Source::status:
+    case Source::ring:
+      return status(state);
+    case Source::io:
+      return io(state);
+    case Source::push:
+      return push(state);
+    case Source::pose: {
+      const std::vector<std::string> keys(kPoseKeys.begin(), kPoseKeys.end());
+      return status(state, keys);
+    }
+    case Source::registers: {
+      const auto words = registers(state);
+      for (const wire::Range& range : wire::plan_ranges(false)) {
+        wire::append_words(image, range, std::span(words).subspan(range.first - 1u, range.count));
+      }
+      return image;
+    }
+    case Source::inputs: {
+      const auto bits = inputs(state);
+      for (const wire::Range& range : wire::plan_ranges(true)) {
+        wire::append_bits(image, range, std::span(bits).subspan(range.first - 1u, range.count));
+      }
+      return image;
+    }
+  }
+  return image;
 }
 
 std::string AnswerMaker::push(const RobotState& state) {

@@ -18,6 +18,8 @@ class AnswerMaker {
   ~AnswerMaker();
   AnswerMaker(AnswerMaker&&) noexcept;
 
+  /// What is recorded of an answer of that source: one of the bodies below, or an image of the documented ranges.
+  std::string body(Source source, const RobotState& state);
   /// Body of 11100. `keys` empty = everything; lasers only with `lasers`.
   std::string status(const RobotState& state, std::span<const std::string> keys = {}, bool lasers = false);
   /// Body of a push: the same values, with jack, roller, hook and fork in objects of their own, and a few more keys.

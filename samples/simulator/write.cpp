@@ -86,7 +86,6 @@ class LogMaker {
   void add_source(Source source, Micros period_us);
   void plan(std::size_t schedule);
   void take(const Poll& poll);
-  std::string body(Source source, Simulated& simulated, Micros t_us);
   const Gap* gap_at(const Schedule& schedule, Micros due_us) const;
   void miss(Schedule& schedule, const Gap& planned, Micros due_us);
   void close_gap(Schedule& schedule, Micros first_good_us);
@@ -203,44 +202,10 @@ void LogMaker::take(const Poll& poll) {
   answer.meta.seq = schedule.seq;
   answer.meta.t_send_us = poll.send_us;
   answer.meta.t_recv_us = poll.recv_us;
-  answer.body = body(schedule.source, simulated, poll.mid_us());
+  answer.body = simulated.answers.body(schedule.source, simulated.robot.at(poll.mid_us()));
   ingest_->append(answer);
   schedule.last_good_us = poll.recv_us;
   ++uncommitted_;
-}
-
-std::string LogMaker::body(Source source, Simulated& simulated, Micros t_us) {
-  const RobotState& state = simulated.robot.at(t_us);
-  std::string image;
-  switch (source) {
-    case Source::status:
-      return simulated.answers.status(state);
-    case Source::ring:  // never: nothing is asked for it
-      return simulated.answers.status(state);
-    case Source::io:
-      return simulated.answers.io(state);
-    case Source::push:
-      return simulated.answers.push(state);
-    case Source::pose: {
-      const std::vector<std::string> keys(kPoseKeys.begin(), kPoseKeys.end());
-      return simulated.answers.status(state, keys);
-    }
-    case Source::registers: {
-      const auto words = simulated.answers.registers(state);
-      for (const wire::Range& range : wire::plan_ranges(false)) {
-        wire::append_words(image, range, std::span(words).subspan(range.first - 1u, range.count));
-      }
-      return image;
-    }
-    case Source::inputs: {
-      const auto bits = simulated.answers.inputs(state);
-      for (const wire::Range& range : wire::plan_ranges(true)) {
-        wire::append_bits(image, range, std::span(bits).subspan(range.first - 1u, range.count));
-      }
-      return image;
-    }
-  }
-  return image;
 }
 
 const Gap* LogMaker::gap_at(const Schedule& schedule, Micros due_us) const {

@@ -166,18 +166,10 @@ class SimulatedLog final : public RowSource {
       json_.decode(answers.status(state, lane.keys), lane.wanted, false, sample_);
       return;
     }
-    std::string image;
+    const std::string image = answers.body(lane.polling.source, state);
     if (lane.polling.source == Source::registers) {
-      const auto words = answers.registers(state);
-      for (const wire::Range& range : wire::plan_ranges(false)) {
-        wire::append_words(image, range, std::span(words).subspan(range.first - 1u, range.count));
-      }
       wire::decode_registers(image, scenario_.word_order, gates_, lane.wanted, sample_);
     } else {
-      const auto bits = answers.inputs(state);
-      for (const wire::Range& range : wire::plan_ranges(true)) {
-        wire::append_bits(image, range, std::span(bits).subspan(range.first - 1u, range.count));
-      }
       wire::decode_inputs(image, lane.wanted, gates_, sample_);
     }
   }

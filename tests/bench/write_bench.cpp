@@ -33,8 +33,6 @@
 #include "samples/simulator/robot.hpp"
 #include "schema/log.hpp"
 #include "schema/store/sqlite.hpp"
-#include "schema/wire/registers.hpp"
-#include "schema/wire/requests.hpp"
 
 namespace {
 
@@ -130,7 +128,7 @@ class Fleet {
       const auto source = static_cast<std::size_t>(polls_[i].source);
       answers_[i].meta = {one.id,         polls_[i].source,      session_, one.seq[source]++,
                           polls_[i].t_us, polls_[i].t_us + rtt()};
-      answers_[i].body = body(polls_[i].source, one, polls_[i].t_us);
+      answers_[i].body = one.answers.body(polls_[i].source, one.robot.at(polls_[i].t_us));
     }
     return answers_;
   }
@@ -157,29 +155,6 @@ class Fleet {
   Micros rtt() {
     random_ = random_ * 6364136223846793005ULL + 1442695040888963407ULL;
     return 4'000 + static_cast<Micros>(random_ >> 53U);
-  }
-
-  static std::string body(Source source, One& one, Micros t_us) {
-    const sim::RobotState& state = one.robot.at(t_us);
-    std::string image;
-    if (source == Source::status) {
-      return one.answers.status(state);
-    }
-    if (source == Source::io) {
-      return one.answers.io(state);
-    }
-    if (source == Source::registers) {
-      const auto words = one.answers.registers(state);
-      for (const wire::Range& range : wire::plan_ranges(false)) {
-        wire::append_words(image, range, std::span(words).subspan(range.first - 1U, range.count));
-      }
-    } else {
-      const auto bits = one.answers.inputs(state);
-      for (const wire::Range& range : wire::plan_ranges(true)) {
-        wire::append_bits(image, range, std::span(bits).subspan(range.first - 1U, range.count));
-      }
-    }
-    return image;
   }
 };
 

@@ -9,8 +9,6 @@
 #include "samples/simulator/answers.hpp"
 #include "samples/simulator/robot.hpp"
 #include "schema/log.hpp"
-#include "schema/wire/registers.hpp"
-#include "schema/wire/requests.hpp"
 #include "tests/support/catch.hpp"
 
 using namespace tacho;
@@ -35,14 +33,7 @@ class Site {
     answer.meta.source = source;
     answer.meta.t_send_us = t_us + host_ahead_us;
     answer.meta.t_recv_us = t_us + there + back + host_ahead_us;
-    if (source == Source::registers) {
-      const auto words = answers_.registers(state);
-      for (const wire::Range& range : wire::plan_ranges(false)) {
-        wire::append_words(answer.body, range, std::span(words).subspan(range.first - 1U, range.count));
-      }
-    } else {
-      answer.body = answers_.status(state);
-    }
+    answer.body = answers_.body(source, state);
     Sample sample;
     Gates gates;
     decode_(answer, Stream{}, FieldSet().set(), gates, sample);

@@ -20,8 +20,6 @@
 #include "recorder/poller.hpp"
 #include "samples/simulator/answers.hpp"
 #include "samples/simulator/robot.hpp"
-#include "schema/wire/registers.hpp"
-#include "schema/wire/requests.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -110,7 +108,7 @@ class SimulatedLink final : public Link {
     } else {
       clock_.pass(4000 + static_cast<Micros>(polls_ * 7919 % 5000));
       connected_ = result.ok = true;
-      result.body = body(source, robot_.at(clock_.wall_us()));
+      result.body = answers_.body(source, robot_.at(clock_.wall_us()));
     }
     result.t_recv_us = clock_.wall_us();
     result.detail = result.ok ? "" : "as it was made to be";
@@ -126,31 +124,6 @@ class SimulatedLink final : public Link {
   sim::AnswerMaker answers_;
   std::uint64_t polls_ = 0;
   bool connected_ = false;
-
-  std::string body(Source source, const sim::RobotState& state) {
-    switch (source) {
-      case Source::status:
-        return answers_.status(state);
-      case Source::io:
-        return answers_.io(state);
-      case Source::registers: {
-        const auto words = answers_.registers(state);
-        std::string image;
-        for (const wire::Range& range : wire::plan_ranges(false)) {
-          wire::append_words(image, range, std::span(words).subspan(range.first - 1U, range.count));
-        }
-        return image;
-      }
-      default: {
-        const auto bits = answers_.inputs(state);
-        std::string image;
-        for (const wire::Range& range : wire::plan_ranges(true)) {
-          wire::append_bits(image, range, std::span(bits).subspan(range.first - 1U, range.count));
-        }
-        return image;
-      }
-    }
-  }
 };
 
 double resident_bytes() {
