@@ -74,7 +74,7 @@ PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level,
     std::optional<KeptPart> part = read_kept_part(file, log_);
     // A file of another log or program is not ours to finish.
     if (part && (!part->closed || fs::exists(file.path.string() + "-wal", unknown))) {
-      left_.push_back({file, std::nullopt, false, nullptr, {}});
+      left_.push_back({file, std::nullopt, false, nullptr, {}, {}});
     } else {
       keep(std::move(part));
     }
@@ -110,15 +110,15 @@ void PartSequence::keep(std::optional<KeptPart> part) {
 
 std::vector<KeptPart> PartSequence::parts() {
   std::vector<KeptPart> all = closed_;
-  const auto add = [&](std::uint32_t number, const fs::path& path) {
-    KeptPart part;
+  const auto add = [&](std::uint32_t number, const fs::path& path, KeptPart part = {}) {
     part.number = number;
     part.path = path;
     part.bytes = part_file_bytes(path);
     all.push_back(std::move(part));
   };
   for (const Left& left : left_) {
-    add(left.file.number, left.file.path);
+    // What cannot be finished must not keep the log from giving up parts: who reads it reads on without its name.
+    add(left.file.number, left.file.path, left.stuck.value_or(KeptPart{}));
   }
   if (current_) {
     add(current_number_, current_->connection().path());
@@ -130,9 +130,14 @@ std::vector<KeptPart> PartSequence::parts() {
 }
 
 void PartSequence::remove_oldest() {
-  assert(!closed_.empty());
-  remove_part(closed_.front().path);
-  closed_.erase(closed_.begin());
+  assert(!closed_.empty() || !left_.empty());
+  if (left_.empty() || (!closed_.empty() && closed_.front().number < left_.front().file.number)) {
+    remove_part(closed_.front().path);
+    closed_.erase(closed_.begin());
+  } else {
+    remove_part(left_.front().file.path);
+    left_.erase(left_.begin());
+  }
 }
 
 void PartSequence::find_newest(const std::vector<PartFile>& files) {
@@ -197,7 +202,7 @@ void PartSequence::next(const Fill& fill, const HotLedger& hot) {
 
 void PartSequence::close(const HotLedger& hot) {
   if (current_) {
-    left_.push_back({{current_number_, current_->connection().path()}, hot, false, nullptr, {}});
+    left_.push_back({{current_number_, current_->connection().path()}, hot, false, nullptr, {}, {}});
     current_.reset();
   }
 }
@@ -242,6 +247,8 @@ bool PartSequence::finish(Left& left, Deadline until, std::optional<Micros> now_
   if (now >= until || (until != kNoDeadline && now < left.not_before)) {
     return false;
   }
+  left.stuck.reset();
+  bool full = false;
   try {
     PartWriter part(left.file.path, durable_);
     part.connection().set_busy_timeout(0);  // recording never waits for a reader
@@ -260,12 +267,14 @@ bool PartSequence::finish(Left& left, Deadline until, std::optional<Micros> now_
     if (error.damaged()) {
       return true;  // a damaged part stays as it is
     }
-    if (error.full()) {
-      disk_full_ = true;
-      return false;
-    }
+    full = error.full();
   }
-  left.not_before = now + kClosingPause;
+  disk_full_ = disk_full_ || full;
+  left.not_before = full ? now : now + kClosingPause;
+  left.stuck = read_kept_part(left.file, log_);
+  if (left.stuck) {
+    left.stuck->closed = true;  // as far as it can be: it may be removed
+  }
   return false;
 }
 

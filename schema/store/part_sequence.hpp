@@ -62,7 +62,7 @@ class PartSequence {
 
   /// All parts of the log, by number.
   [[nodiscard]] std::vector<KeptPart> parts();
-  /// Removes the first of parts(), which is closed. Throws Error when it stays.
+  /// Removes the first of parts(), which is not the current one. Throws Error when it stays.
   void remove_oldest();
 
  private:
@@ -85,7 +85,8 @@ class PartSequence {
     std::optional<HotLedger> hot;  ///< empty: not known yet
     bool counted = false;
     std::unique_ptr<Repacker> repacker;                  ///< empty: not begun yet
-    std::chrono::steady_clock::time_point not_before{};  ///< a reader held it open at the last try
+    std::chrono::steady_clock::time_point not_before{};  ///< of the next try
+    std::optional<KeptPart> stuck;  ///< the last try ended at a reader, at damage, at rights or at a full disk
   };
   std::vector<Left> left_;
   bool disk_full_ = false;  ///< met by tidy()

@@ -28,7 +28,7 @@ struct KeptPart {
   std::uint32_t number = 0;
   std::filesystem::path path;
   std::uint64_t bytes = 0;
-  bool closed = false;             ///< nobody writes it, and nothing is left to do for it
+  bool closed = false;             ///< nobody writes it, and nothing is left to do for it or can be done now
   std::optional<Micros> ended_us;  ///< UTC, when a confirmed clock saw it closed
   Micros first_us = 0;             ///< of its answers, by whatever clock; 0: none, or not readable
   Micros last_us = 0;

@@ -1,6 +1,8 @@
 // Retention at work on a log that is written: what goes, what the log says of it, and what never goes.
 
 #include <fstream>
+#include <functional>
+#include <memory>
 #include <numeric>
 
 #include "schema/store/kept_parts.hpp"
@@ -375,6 +377,52 @@ TEST_CASE("a reader that keeps the WAL from being emptied is answered with a new
     recording.end();
   }
   CHECK(first_of_rest(dir.path(), polls) == 0);
+}
+
+TEST_CASE("a part that cannot be closed goes when it is its turn, and holds up none of those after it") {
+  struct Row {
+    const char* why;
+    std::function<std::unique_ptr<store::Connection>(const fs::path&)> spoil;
+  };
+  const std::vector<Row> rows{
+      {"a reader never ends",
+       [](const fs::path& part) {
+         auto reader = std::make_unique<store::Connection>(part, store::OpenMode::read);
+         reader->exec("BEGIN");
+         CHECK(reader->integer("SELECT sum(rows) FROM hot") > 0);
+         return reader;
+       }},
+      {"a table is gone",
+       [](const fs::path& part) {
+         store::Connection(part, store::OpenMode::write).exec("DROP TABLE rollup");
+         return std::unique_ptr<store::Connection>();
+       }},
+  };
+  for (const Row& row : rows) {
+    INFO(row.why);
+    TempDir dir(memory_folder());
+    constexpr std::uint64_t kSize = 400'000;
+    Recording recording(dir.path(), small_parts({0, kSize, 0}));
+    recording.polls(20);
+    recording.writer.commit();
+    const fs::path first = part_files(dir.path()).at(0);
+    const std::unique_ptr<store::Connection> held = row.spoil(first);
+    std::uint64_t most = 0;
+    for (int i = 0; i < 100; ++i) {
+      recording.polls(20);
+      recording.writer.commit();
+      most = std::max(most, bytes_of(dir.path()));
+    }
+    CHECK(most < kSize + 200'000);  // and what is pinned is not packed
+    CHECK_FALSE(fs::exists(first));
+    if (held) {
+      CHECK(held->integer("SELECT sum(rows) FROM hot") == 20);  // who reads it reads on
+    }
+    recording.end();
+    const std::vector<Event> events = removals(dir.path());
+    REQUIRE_FALSE(events.empty());
+    CHECK_THAT(events.back().detail, Catch::Contains("2026-01-01T"));
+  }
 }
 
 TEST_CASE("the forecast of a log is its own growth, by the time it was recorded and not by the clock") {
