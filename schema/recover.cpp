@@ -38,7 +38,13 @@ Gap lost_gap(const store::StreamKey& key, const Hole& hole) {
 class Copier {
  public:
   Copier(store::LogReader& log, const Survey& found, store::LogWriter& writer, Recovery& out)
-      : log_(&log), found_(&found), writer_(&writer), out_(&out), robots_(robots_in(log)) {}
+      : log_(&log), found_(&found), writer_(&writer), out_(&out), robots_(robots_in(log)), written_(found) {
+    for (const auto& [key, stream] : found.streams) {
+      for (const Hole& hole : stream.holes) {
+        written_.gaps.add(row_hash(lost_gap(key, hole)));
+      }
+    }
+  }
 
   void run() {
     restore_robots();
@@ -63,12 +69,16 @@ class Copier {
     end();
   }
 
+  /// What the new log must hold.
+  [[nodiscard]] const LogSums& written() const { return written_; }
+
  private:
   store::LogReader* log_;
   const Survey* found_;
   store::LogWriter* writer_;
   Recovery* out_;
   std::vector<RobotId> robots_;
+  LogSums written_;
   std::uint32_t part_ = 0;
   SessionId session_ = 0;
   Micros last_us_ = 0;
@@ -192,17 +202,19 @@ class Copier {
   void copy(std::size_t part, SessionId session, const std::map<RobotId, store::LogReader::Records>& records) {
     const bool open = begin(session);
     for (const auto& [robot, rows] : records) {
-      const auto each = [&](const auto& all) {
+      const auto each = [&](const auto& all, store::RowSum& sum) {
         for (const auto& row : all) {
           if (row.session == session && open) {
             writer_->add(row);
+          } else if (row.session == session) {
+            ++out_->left_out;
+            sum.remove(row_hash(row));
           }
-          out_->left_out += row.session == session && !open ? 1 : 0;
         }
       };
-      each(rows.gaps);
-      each(rows.events);
-      each(rows.clock);
+      each(rows.gaps, written_.gaps);
+      each(rows.events, written_.events);
+      each(rows.clock, written_.clock);
       if (robot != 0) {
         log_->part_answers(part, robot, session, [&](const Answer& answer) { take(answer, open); });
       }
@@ -210,12 +222,21 @@ class Copier {
     writer_->commit();
   }
 
+  void leave_out(const Answer& answer) {
+    ++out_->left_out;
+    const auto hour = written_.hours.find(store::manifest_key(answer.meta));
+    hour->second.remove(store::row_hash(answer));
+    if (hour->second.rows == 0) {
+      written_.hours.erase(hour);
+    }
+  }
+
   void take(const Answer& answer, bool open) {
     const AnswerMeta& meta = answer.meta;
     const store::StreamKey key{meta.session, meta.robot, meta.source};
     const auto found = lanes_.find(key);
     if (!open || found == lanes_.end() || meta.seq < found->second.next) {
-      ++out_->left_out;
+      leave_out(answer);
       return;
     }
     Lane& lane = found->second;
@@ -237,21 +258,14 @@ class Copier {
   }
 };
 
-void compare(const Survey& before, const Survey& after, Recovery& out) {
-  RowSum gaps = before.gaps;
-  for (const auto& [key, stream] : before.streams) {
-    for (const Hole& hole : stream.holes) {
-      ++gaps.rows;
-      gaps.hash += row_hash(lost_gap(key, hole));
-    }
-  }
-  const auto tell = [&](const char* what, const RowSum& read, const RowSum& written) {
+void compare(const LogSums& before, const LogSums& after, Recovery& out) {
+  const auto tell = [&](const char* what, const store::RowSum& read, const store::RowSum& written) {
     if (!(read == written)) {
       out.different.push_back(fmt::format("{}: {} were read, {} are in the new log{}", what, read.rows, written.rows,
                                           read.rows == written.rows ? ", but not the same" : ""));
     }
   };
-  tell("gaps", gaps, after.gaps);
+  tell("gaps", before.gaps, after.gaps);
   tell("events", before.events, after.events);
   tell("clock points", before.clock, after.clock);
   if (before.hours != after.hours) {
@@ -386,6 +400,7 @@ Recovery recover(std::span<const fs::path> logs, const fs::path& folder) {
     throw Error(folder.string(), "is not an empty folder", "give a new folder: nothing is overwritten");
   }
   Recovery out;
+  LogSums written;
   const Scratch scratch(folder);
   Salvage salvage(logs, scratch.folder(), out);
   {
@@ -395,12 +410,14 @@ Recovery recover(std::span<const fs::path> logs, const fs::path& folder) {
     options.part_per_day = false;
     options.first_part = salvage.log().parts().front().number;
     store::LogWriter writer(folder, options);
-    Copier(salvage.log(), salvage.found(), writer, out).run();
+    Copier copier(salvage.log(), salvage.found(), writer, out);
+    copier.run();
+    written = copier.written();
   }
   const std::vector<fs::path> paths{folder};
   const auto again = open_log(paths);
   auto& reader = dynamic_cast<store::LogReader&>(*again);
-  compare(salvage.found(), survey(reader), out);
+  compare(written, survey(reader), out);
   for (const ReadProblem& problem : reader.problems()) {
     out.different.push_back(problem.where + ": " + problem.what);
   }

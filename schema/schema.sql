@@ -192,6 +192,17 @@ CREATE TABLE rollup (
   PRIMARY KEY (robot, source, minute, field)
 ) STRICT, WITHOUT ROWID;
 
+-- how many answers there are per hour, and a sum over them, of answers that are in blocks
+CREATE TABLE manifest (
+  robot INTEGER NOT NULL,                  -- robot.id
+  source INTEGER NOT NULL,                 -- code list source
+  hour_us INTEGER NOT NULL,                -- start of the UTC hour of the send time, UTC microseconds
+  rows INTEGER NOT NULL,                   -- answers
+  hash INTEGER NOT NULL,                   -- sum of their hashes modulo 2^64, see manifest.hpp
+  crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
+  PRIMARY KEY (robot, source, hour_us)
+) STRICT, WITHOUT ROWID;
+
 -- host wall clock, host monotonic clock and robot clock at one instant
 CREATE TABLE clock (
   id INTEGER PRIMARY KEY,                  -- order of arrival

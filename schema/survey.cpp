@@ -10,42 +10,16 @@
 #include "schema/events.hpp"
 #include "schema/log.hpp"
 #include "schema/rollup_check.hpp"
+#include "schema/store/fnv.hpp"
+#include "schema/time.hpp"
 
 namespace tacho {
 
 namespace {
 
-constexpr Micros kHourUs = 3'600'000'000;
 constexpr std::size_t kFewDifferences = 5;
 
-class Fnv {
- public:
-  void add(std::string_view bytes) {
-    for (const char byte : bytes) {
-      value_ = (value_ ^ static_cast<unsigned char>(byte)) * 0x100000001b3U;
-    }
-  }
-  void add(std::uint64_t number, int bytes) {
-    for (int i = 0; i < bytes; ++i) {
-      value_ = (value_ ^ ((number >> (8 * i)) & 0xffU)) * 0x100000001b3U;
-    }
-  }
-  [[nodiscard]] std::uint64_t value() const { return value_; }
-
- private:
-  std::uint64_t value_ = 0xcbf29ce484222325U;
-};
-
-std::uint64_t hash_of(std::string_view text) {
-  Fnv fnv;
-  fnv.add(text);
-  return fnv.value();
-}
-
-void add(RowSum& sum, std::uint64_t hash) {
-  ++sum.rows;
-  sum.hash += hash;
-}
+std::uint64_t hash_of(std::string_view text) { return store::Fnv().add(text).value(); }
 
 std::string text_of(const Event& e) {
   return fmt::format("robot {} session {} {} poll {}: {} '{}' from '{}' to '{}' at {} to {}, '{}'", e.robot, e.session,
@@ -60,8 +34,6 @@ struct Span {
   Micros t_from_us = 0;
   Micros t_to_us = 0;
 };
-
-Micros hour_of(Micros t_us) { return (t_us - (t_us < 0 ? kHourUs - 1 : 0)) / kHourUs * kHourUs; }
 
 /// What one robot says about one session, on the way.
 struct SessionCheck {
@@ -106,6 +78,7 @@ class Surveyor {
       read(robot);
       finish(robot);
     }
+    check_manifests();
     check_summaries();
     return std::move(out_);
   }
@@ -120,7 +93,9 @@ class Surveyor {
   std::map<SessionId, SessionCheck> sessions_;
   // Of (robot, source), to be compared with the log's own counts.
   std::map<std::pair<RobotId, Source>, FieldSet> seen_;
-  RollupCheck rollups_;  // of the part that is read now
+  std::vector<store::Manifest> manifests_;  // of each part, made again
+  std::size_t part_ = 0;                    // that is read now
+  RollupCheck rollups_;                     // of it
   AnswerDecoder decoder_;
   Sample sample_;
   const FieldSet all_ = FieldSet().set();
@@ -128,6 +103,7 @@ class Surveyor {
   void read(RobotId robot) {
     const std::vector<store::LogReader::PartInfo> infos = log_->parts();
     const std::size_t parts = infos.size();
+    manifests_.resize(parts);
     std::vector<store::LogReader::Records> records;
     for (std::size_t part = 0; part < parts; ++part) {
       // All of them first: they say which sessions cannot be repeated.
@@ -135,6 +111,7 @@ class Surveyor {
       take(records.back());
     }
     for (std::size_t part = 0; part < parts && robot != 0; ++part) {
+      part_ = part;
       log_->part_answers(part, robot, std::nullopt, [this](const Answer& answer) { take(answer); });
       std::vector<Rollup> stored = log_->rollups(robot, part);
       if (!infos[part].closed || !log_->problems().empty()) {
@@ -150,7 +127,7 @@ class Surveyor {
 
   void take(const store::LogReader::Records& records) {
     for (const Gap& gap : records.gaps) {
-      add(out_.gaps, row_hash(gap));
+      out_.gaps.add(row_hash(gap));
       if (gap.partial || gap.seq_count == 0) {
         continue;
       }
@@ -164,7 +141,7 @@ class Surveyor {
       session.refuse(gap.source == Source::inputs, "inputs, by which registers are read, have a gap");
     }
     for (const Event& event : records.events) {
-      add(out_.events, row_hash(event));
+      out_.events.add(row_hash(event));
       SessionCheck& session = sessions_[event.session];
       session.refuse(event.kind == EventKind::word_order && !confirms_default(event),
                      "the word order of registers was learnt on the way");
@@ -173,7 +150,7 @@ class Surveyor {
       }
     }
     for (const ClockPoint& point : records.clock) {
-      add(out_.clock, row_hash(point));
+      out_.clock.add(row_hash(point));
     }
   }
 
@@ -182,7 +159,10 @@ class Surveyor {
     const store::StreamKey key{meta.session, meta.robot, meta.source};
     StreamSurvey& stream = out_.streams[key];
     Lane& lane = lanes_[key];
-    add(out_.hours[{meta.robot, meta.source, hour_of(meta.t_send_us)}], row_hash(answer));
+    const store::ManifestKey hour = store::manifest_key(meta);
+    const std::uint64_t hash = store::row_hash(answer);
+    out_.hours[hour].add(hash);
+    manifests_[part_][hour].add(hash);
     ++stream.stored;
     stream.bytes += answer.body.size();
     if (lane.last && meta.seq <= *lane.last) {
@@ -282,6 +262,41 @@ class Surveyor {
     }
   }
 
+  /// What came, as the recorder summed it up before it was packed. Of a part that is still written some of it is in no
+  /// manifest yet; damage has been told of.
+  void check_manifests() {
+    const std::vector<store::LogReader::PartInfo> infos = log_->parts();
+    for (std::size_t part = 0; part < infos.size(); ++part) {
+      const store::Manifest written = log_->part_manifest(part);
+      if (!infos[part].closed || written.empty() || !log_->problems().empty()) {
+        continue;
+      }
+      store::Manifest keys = manifests_[part];
+      keys.insert(written.begin(), written.end());
+      for (const auto& [key, any] : keys) {
+        compare(infos[part].path.filename().string(), key, written, manifests_[part]);
+      }
+    }
+  }
+
+  void compare(const std::string& part, const store::ManifestKey& key, const store::Manifest& written,
+               const store::Manifest& read) {
+    const auto of = [&](const store::Manifest& manifest) {
+      const auto found = manifest.find(key);
+      return found == manifest.end() ? store::RowSum{} : found->second;
+    };
+    if (of(written) == of(read)) {
+      return;
+    }
+    ++out_.wrong_hours;
+    if (out_.first_hours.size() < kFewDifferences) {
+      const auto& [robot, source, hour_us] = key;
+      out_.first_hours.push_back(fmt::format("{}: robot {} {} from {}: {} answers came, {} are read{}", part, robot,
+                                             source_name(source), iso_utc(hour_us), of(written).rows, of(read).rows,
+                                             of(written).rows == of(read).rows ? ", but not the same" : ""));
+    }
+  }
+
   /// What `info` says without opening a body.
   void check_summaries() {
     for (const Coverage& c : log_->coverage()) {
@@ -310,19 +325,6 @@ class Surveyor {
 };
 
 }  // namespace
-
-std::uint64_t row_hash(const Answer& answer) {
-  Fnv fnv;
-  fnv.add(static_cast<std::uint64_t>(answer.meta.source), 1);
-  fnv.add(answer.meta.session, 4);
-  fnv.add(answer.meta.seq, 8);
-  fnv.add(static_cast<std::uint64_t>(answer.meta.t_send_us), 8);
-  fnv.add(static_cast<std::uint64_t>(answer.meta.t_recv_us), 8);
-  fnv.add(answer.header.size(), 4);
-  fnv.add(answer.header);
-  fnv.add(answer.body);
-  return fnv.value();
-}
 
 std::uint64_t row_hash(const Gap& g) {
   return hash_of(fmt::format("{} {} {} {} {} {} {} {} {} {}", g.robot, source_name(g.source), g.session, g.seq_from,

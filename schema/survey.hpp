@@ -11,6 +11,7 @@
 
 #include "schema/store/coverage.hpp"
 #include "schema/store/log_reader.hpp"
+#include "schema/store/manifest.hpp"
 
 namespace tacho {
 
@@ -22,16 +23,6 @@ struct Hole {
   Micros t_to_us = 0;
 };
 
-/// Rows and the sum of their hashes, which does not depend on their order.
-struct RowSum {
-  std::uint64_t rows = 0;
-  std::uint64_t hash = 0;
-  friend bool operator==(const RowSum&, const RowSum&) = default;
-};
-
-/// FNV-1a, 64 bit, over source (1 byte), session (4), seq (8), t_send_us (8), t_recv_us (8), length of the header (4),
-/// header, body; numbers with the low byte first. The robot is not in it: its number is a matter of the log.
-std::uint64_t row_hash(const Answer& answer);
 /// Over the text of all members.
 std::uint64_t row_hash(const Gap& gap);
 std::uint64_t row_hash(const Event& event);
@@ -63,13 +54,19 @@ struct EventCheck {
   std::vector<std::string> first;  ///< differences, the first few
 };
 
-struct Survey {
+/// What a log holds, whatever the order of its rows.
+struct LogSums {
+  store::Manifest hours;
+  store::RowSum gaps;
+  store::RowSum events;
+  store::RowSum clock;
+};
+
+struct Survey : LogSums {
   std::map<store::StreamKey, StreamSurvey> streams;
-  std::map<std::tuple<RobotId, Source, Micros>, RowSum> hours;  ///< by start of the UTC hour of t_send_us
-  RowSum gaps;
-  RowSum events;
-  RowSum clock;
   std::vector<std::string> wrong_summaries;  ///< coverage that is not what is there
+  std::uint64_t wrong_hours = 0;             ///< of closed parts whose answers are not those that were written
+  std::vector<std::string> first_hours;      ///< of them, the first few in words
   std::uint64_t wrong_rollups = 0;           ///< rows of closed parts that are not what their answers say
   std::vector<std::string> first_rollups;    ///< of them, the first few in words
   EventCheck event_check;

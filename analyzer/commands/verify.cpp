@@ -107,7 +107,10 @@ Section section_of(store::LogReader& log, const Survey& found) {
       finding("VER-06", "parts that are missing between others", missing.size(), Verdict::fail,
               "put the missing files back; recover writes gap rows for what was in them"),
       finding("VER-07", "one-minute rollups that differ from those made again", found.wrong_rollups, Verdict::fail,
-              remedy)};
+              remedy),
+      finding("VER-08", "hours whose answers are not those that were recorded", found.wrong_hours, Verdict::fail,
+              "do not rely on these hours; keep the log: its bytes are whole, but this program reads them as something "
+              "else than was written")};
   Finding& events = section.findings[4];
   if (e.sessions == 0 && !e.left_out.empty()) {  // nothing was compared, which is no PASS
     events.verdict = Verdict::unknown;
@@ -116,6 +119,7 @@ Section section_of(store::LogReader& log, const Survey& found) {
     events.advice = "nothing to do: the notes say what stands in the way";
   }
   section.notes = found.wrong_summaries;
+  section.notes.insert(section.notes.end(), found.first_hours.begin(), found.first_hours.end());
   section.notes.insert(section.notes.end(), found.first_rollups.begin(), found.first_rollups.end());
   section.notes.insert(section.notes.end(), e.first.begin(), e.first.end());
   section.notes.push_back(fmt::format("events derived again for {} sessions of a robot", e.sessions));

@@ -204,7 +204,7 @@ int write(const Arguments& arguments) {
       fmt::print(stderr, "\rwriting {:3.0f} %{}", share * 100, share < 1 ? "" : "\n");
     };
   }
-  if (!store::list_parts(arguments.log).empty()) {
+  if (std::filesystem::exists(arguments.log) && !store::list_parts(arguments.log).empty()) {
     throw Error(arguments.log, "holds a log already, and truth.json tells of one only", "give another folder");
   }
   const std::vector<Truth> truths = write_log(scenarios, options, arguments.log);

@@ -513,6 +513,18 @@ std::uint64_t LogReader::first_poll(const Stream& stream) const {
   return found == impl_->first_seq.end() ? 0 : found->second;
 }
 
+Manifest LogReader::part_manifest(std::size_t part) {
+  const PartHead& head = impl_->parts[part];
+  try {
+    Manifest rows;
+    impl_->read_carefully(head, [&](PartReader& reader) { rows = reader.manifest(); });
+    return rows;
+  } catch (const SqliteError& error) {
+    impl_->problem(head.path.string(), std::string(error.what()) + "; its manifest is left out");
+    return {};
+  }
+}
+
 std::size_t LogReader::rollup_portions() const { return impl_->parts.size(); }
 
 std::vector<Rollup> LogReader::rollups(RobotId robot, std::size_t portion) {

@@ -17,6 +17,7 @@
 
 #include "schema/row_source.hpp"
 #include "schema/store/decode.hpp"
+#include "schema/store/manifest.hpp"
 #include "schema/store/part_head.hpp"
 
 namespace tacho::store {
@@ -85,6 +86,8 @@ class LogReader final : public RowSource {
   /// All sources in order of arrival, of all sessions or one.
   void part_answers(std::size_t part, RobotId robot, std::optional<SessionId> session,
                     const std::function<void(const Answer&)>& yield);
+  /// What was written into a part, hour by hour, as far as it is in blocks; empty when that is not on record.
+  Manifest part_manifest(std::size_t part);
   /// The first poll of a stream that the parts given here can hold: earlier ones were in parts that are gone.
   [[nodiscard]] std::uint64_t first_poll(const Stream& stream) const;
 

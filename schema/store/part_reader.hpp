@@ -10,6 +10,7 @@
 #include "schema/row_source.hpp"
 #include "schema/store/answer_query.hpp"
 #include "schema/store/column_scan.hpp"
+#include "schema/store/manifest.hpp"
 #include "schema/store/part_head.hpp"
 #include "schema/store/rollup.hpp"
 #include "schema/store/sqlite.hpp"
@@ -50,6 +51,7 @@ class PartReader {
   std::vector<ClockPoint> clock(RobotId robot, Window window);
   /// By source, minute and field.
   std::vector<Rollup> rollups(RobotId robot) { return read_rollups(connection_, *head_, robot, report_); }
+  Manifest manifest() { return read_manifest(connection_, *head_, report_); }
 
  private:
   const PartHead* head_;

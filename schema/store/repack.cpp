@@ -220,6 +220,7 @@ Repacker::Packed Repacker::pack(Connection& connection, Waiting from) const {
     }
     extend(place, answer.meta, at);
     bytes += answer.body.size();
+    out.manifest[manifest_key(answer.meta)].add(row_hash(answer));
     if (rollups) {
       rollups->add(answer);
     }
@@ -254,6 +255,7 @@ void Repacker::store(PartWriter& part) const {
   }
   std::sort(ids.begin(), ids.end());
   keep_others(part.connection(), ids);
+  Manifest manifest;
   for (const Packed& packed : packed_) {
     for (const Block& block : packed.blocks) {
       BlockRow row = block.row;
@@ -261,7 +263,11 @@ void Repacker::store(PartWriter& part) const {
       part.put(row);
     }
     packed.rollups.write(part.connection());
+    for (const auto& [key, sum] : packed.manifest) {
+      manifest[key].add(sum);
+    }
   }
+  write_manifest(part.connection(), manifest);
 }
 
 void Repacker::stored(HotLedger& hot) {

@@ -12,6 +12,7 @@
 #include "schema/store/coverage.hpp"
 #include "schema/store/decode.hpp"
 #include "schema/store/hot_codec.hpp"
+#include "schema/store/manifest.hpp"
 #include "schema/store/part_writer.hpp"
 #include "schema/store/rollup.hpp"
 
@@ -116,6 +117,7 @@ class Repacker {
     std::vector<std::int64_t> ids;  ///< of rows that are in the blocks
     std::vector<Block> blocks;
     Rollups rollups;
+    Manifest manifest;
   };
   static constexpr std::uint64_t kMostPacked = 32u << 20;
 

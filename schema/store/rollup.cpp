@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "schema/store/checked_rows.hpp"
 #include "schema/store/coverage.hpp"
 #include "schema/store/rows.hpp"
 #include "schema/store/schema_sql.hpp"
@@ -130,31 +131,13 @@ void Rollups::write(Connection& connection) const {
 std::vector<Rollup> read_rollups(Connection& connection, const PartHead& head, RobotId robot,
                                  const std::function<void(const std::string&)>& report) {
   std::vector<Rollup> rows;
-  std::int64_t met = 0;
-  std::int64_t bad = 0;
-  try {
-    // All robots are read: that is how a row that is gone is noticed.
-    Statement row(connection, select_sql("rollup"));
-    for (row.query(); row.step(); ++met) {
-      const std::optional<Rollup> one = read_rollup(row, head.vocabulary);
-      bad += one ? 0 : 1;
-      if (one && one->robot == robot && one->field != kNoField) {
-        rows.push_back(*one);
-      }
+  read_checked(connection, "rollup", head.sealed_rows, report, [&](const Statement& row) {
+    const std::optional<Rollup> one = read_rollup(row, head.vocabulary);
+    if (one && one->robot == robot && one->field != kNoField) {
+      rows.push_back(*one);
     }
-  } catch (const SqliteError& error) {
-    if (!error.damaged()) {
-      throw;
-    }
-    report(fmt::format("the rest of table rollup cannot be read: {}", error.what()));
-  }
-  if (bad > 0) {
-    report(fmt::format("{} rows of table rollup are damaged and left out", bad));
-  }
-  const auto sealed = head.sealed_rows.find("rollup");
-  if (sealed != head.sealed_rows.end() && sealed->second != met) {
-    report(fmt::format("{} rows of table rollup were read, but it had {}", met, sealed->second));
-  }
+    return one.has_value();
+  });
   return rows;
 }
 

@@ -42,6 +42,7 @@ constexpr auto kTables = std::to_array<Table>({
   {"gap",         "planned polls without an answer", "", "STRICT"},
   {"event",       "what happened, seen while recording", "", "STRICT"},
   {"rollup",      "what fields did per minute, of answers that are in blocks", "PRIMARY KEY (robot, source, minute, field)", "STRICT, WITHOUT ROWID"},
+  {"manifest",    "how many answers there are per hour, and a sum over them, of answers that are in blocks", "PRIMARY KEY (robot, source, hour_us)", "STRICT, WITHOUT ROWID"},
   {"clock",       "host wall clock, host monotonic clock and robot clock at one instant", "", "STRICT"},
 });
 
@@ -186,6 +187,13 @@ constexpr auto kColumns = std::to_array<Column>({
   {"rollup", "sum",    "REAL NOT NULL",    "over rows: the mean"},
   {"rollup", "last",   "REAL NOT NULL",    "in order of arrival"},
   {"rollup", "crc",    "INTEGER NOT NULL", "CRC-32C of the other columns"},
+
+  {"manifest", "robot",   "INTEGER NOT NULL", "robot.id"},
+  {"manifest", "source",  "INTEGER NOT NULL", "code list source"},
+  {"manifest", "hour_us", "INTEGER NOT NULL", "start of the UTC hour of the send time, UTC microseconds"},
+  {"manifest", "rows",    "INTEGER NOT NULL", "answers"},
+  {"manifest", "hash",    "INTEGER NOT NULL", "sum of their hashes modulo 2^64, see manifest.hpp"},
+  {"manifest", "crc",     "INTEGER NOT NULL", "CRC-32C of the other columns"},
 
   {"clock", "id",       "INTEGER PRIMARY KEY", "order of arrival"},
   {"clock", "robot",    "INTEGER NOT NULL",    "robot.id; 0: host clocks only"},

@@ -29,7 +29,7 @@ constexpr std::array<HeadTable, 8> kHeadTables{{{"part", "", ""},
                                                 {"coverage", "", ""},
                                                 {"unknown_key", "", ""}}};
 /// Rows that have one: only their number is sealed.
-constexpr std::array<std::string_view, 4> kRecordTables{"gap", "event", "clock", "rollup"};
+constexpr std::array<std::string_view, 5> kRecordTables{"gap", "event", "clock", "rollup", "manifest"};
 
 struct Sum {
   std::int64_t rows = 0;
@@ -55,11 +55,6 @@ Sum sum_of(Connection& connection, const std::string& select) {
   }
   sum.crc = checksum.value();
   return sum;
-}
-
-/// Parts from before seals have no such table.
-bool can_be_sealed(Connection& connection) {
-  return connection.integer("SELECT count(*) FROM sqlite_schema WHERE name = 'seal'") > 0;
 }
 
 std::string select_needed(const HeadTable& table) { return fmt::format("SELECT {} FROM {}", table.needed, table.name); }
@@ -91,7 +86,7 @@ void seal_vocabulary(Connection& connection) {
 }
 
 void seal_head(Connection& connection) {
-  if (!can_be_sealed(connection)) {
+  if (!connection.has_table("seal")) {
     return;
   }
   Statement insert(connection, insert_sql("seal", "OR REPLACE"));
@@ -105,13 +100,16 @@ void seal_head(Connection& connection) {
 
 SealedRows write_seal(Connection& connection) {
   SealedRows rows;
-  if (!can_be_sealed(connection)) {
+  if (!connection.has_table("seal")) {
     return rows;
   }
   seal_head(connection);
   {
     Statement insert(connection, insert_sql("seal", "OR REPLACE"));
     for (const std::string_view table : kRecordTables) {
+      if (!connection.has_table(table)) {
+        continue;
+      }
       insert.run(table, connection.integer(fmt::format("SELECT count(*) FROM {}", table)), std::nullopt);
     }
   }
@@ -123,7 +121,7 @@ SealedRows write_seal(Connection& connection) {
 }
 
 void break_seal(Connection& connection) {
-  if (!can_be_sealed(connection)) {
+  if (!connection.has_table("seal")) {
     return;
   }
   Statement drop(connection, "DELETE FROM seal WHERE name = ?1");
@@ -135,7 +133,7 @@ void break_seal(Connection& connection) {
 
 Seal check_seal(Connection& connection, bool closed, bool whole) {
   Seal seal;
-  if (!can_be_sealed(connection)) {
+  if (!connection.has_table("seal")) {
     return seal;
   }
   std::map<std::string, Sum, std::less<>> sealed;
@@ -164,7 +162,7 @@ Seal check_seal(Connection& connection, bool closed, bool whole) {
     }
   }
   for (const std::string_view table : kRecordTables) {
-    if (closed && sealed.find(table) == sealed.end()) {
+    if (closed && sealed.find(table) == sealed.end() && connection.has_table(table)) {
       seal.damage.push_back(fmt::format("the seal of table {} is missing", table));
       seal.damaged.emplace(table);
     }

@@ -13,7 +13,7 @@
 
 namespace tacho::store {
 
-/// Table name -> rows, as sealed. Those of gap, event, clock and rollup only of a closed part.
+/// Table name -> rows, as sealed. Those of gap, event, clock, rollup and manifest only of a closed part.
 using SealedRows = std::map<std::string, std::int64_t, std::less<>>;
 
 // Transactions belong to the caller.
@@ -32,8 +32,8 @@ struct Seal {
   std::vector<std::string> damage;             ///< in words; tables that are not as they were sealed
   std::set<std::string, std::less<>> damaged;  ///< the same tables by name
 };
-/// Compares the tables that have a checksum here; the rows of gap, event, clock and rollup are counted where they are
-/// read. `closed`: a part without a seal is damaged, unless it is
+/// Compares the tables that have a checksum here; the rows of gap, event, clock, rollup and manifest are counted where
+/// they are read. `closed`: a part without a seal is damaged, unless it is
 /// older than seals. `whole`: also columns that opening
 /// a log does not need.
 Seal check_seal(Connection& connection, bool closed, bool whole);

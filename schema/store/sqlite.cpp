@@ -128,6 +128,10 @@ void Connection::set_pragma(const std::string& name, const std::string& value) {
   }
 }
 
+bool Connection::has_table(std::string_view name) {
+  return integer(fmt::format("SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = '{}'", name)) > 0;
+}
+
 std::int64_t Connection::last_insert_rowid() const { return sqlite3_last_insert_rowid(handle_.get()); }
 bool Connection::in_transaction() const { return sqlite3_get_autocommit(handle_.get()) == 0; }
 

@@ -68,6 +68,8 @@ class Connection {
   [[nodiscard]] std::int64_t integer(const std::string& sql);
   /// Sets a pragma and reads it back; Error when SQLite did not take it.
   void set_pragma(const std::string& name, const std::string& value);
+  /// False for those that newer parts have and older ones do not.
+  [[nodiscard]] bool has_table(std::string_view name);
   [[nodiscard]] std::int64_t last_insert_rowid() const;
   [[nodiscard]] bool in_transaction() const;
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }

@@ -338,6 +338,16 @@ TEST_CASE("the simulator lists its faults, and refuses one that it does not know
   CHECK(wrong.err.find("did you mean 'silence'?") != std::string::npos);
 }
 
+TEST_CASE("the simulator writes a log into a folder that is not there yet, and not beside one that is") {
+  const TempDir dir;
+  const std::string log = (dir / "new" / "log").string();
+  CHECK(test::run(kSimulator, {"write", "--log", log, "--days", "0.001"}).code == 0);
+  CHECK(open(log)->robots().size() == 1);
+  const Outcome again = test::run(kSimulator, {"write", "--log", log, "--days", "0.001"});
+  CHECK(again.code == 1);
+  CHECK_THAT(again.err, Catch::Contains("holds a log already"));
+}
+
 TEST_CASE("a robot whose ports fail for a while is recorded before and after, and every poll is accounted for") {
   const TempDir dir;
   auto served = robots(1);

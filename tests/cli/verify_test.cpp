@@ -2,6 +2,7 @@
 
 #include <set>
 
+#include "schema/store/manifest.hpp"
 #include "schema/store/sqlite.hpp"
 #include "tests/cli/analyze_fixture.hpp"
 
@@ -165,6 +166,42 @@ TEST_CASE("a damaged block is named, and costs its own answers in the recovered 
   for (const Coverage& coverage : log_again->coverage()) {
     CHECK(coverage.stored + coverage.missed == coverage.planned);
   }
+}
+
+TEST_CASE("answers that are there twice are written once by recover, which says how many it left out") {
+  const TempDir dir;
+  write_three_parts(dir / "log");
+  store::Connection(part_of(dir / "log"), store::OpenMode::write)
+      .exec(
+          "INSERT INTO block SELECT id + 100, robot, source, session, seq_from, seq_to, row_from, row_to, t_from_us, "
+          "t_to_us, rows, crc, data FROM block");
+  const Outcome done =
+      test::run("analyzer/tacho-analyzer", {"recover", (dir / "log").string(), "-o", (dir / "new").string()});
+  INFO(done.out << done.err);
+  CHECK(done.code == 3);
+  CHECK_THAT(done.out, Catch::Contains("60 answers, 0 polls lost, 20 rows left out"));
+  CHECK(answers_of(dir / "new", 1, Source::status).size() == 60);
+  CHECK(test::run("analyzer/tacho-analyzer", {"verify", (dir / "new").string()}).code == 0);
+}
+
+TEST_CASE("an hour whose answers are not those that were recorded is named") {
+  const TempDir dir;
+  write_three_parts(dir / "log");
+  const fs::path part = dir / "log" / "part-000002.db";
+  {
+    store::Connection connection(part, store::OpenMode::write);
+    CHECK(connection.integer("SELECT sum(rows) FROM manifest") == 20);
+    connection.exec("BEGIN");
+    store::write_manifest(connection, {{{1, Source::status, 1'767'312'000'000'000}, {0, 1}}});
+    connection.exec("COMMIT");
+  }
+  const Outcome said = test::run("analyzer/tacho-analyzer", {"verify", (dir / "log").string()});
+  INFO(said.out << said.err);
+  CHECK(said.code == 3);
+  CHECK_THAT(said.out, Catch::Contains("VER-08") &&
+                           Catch::Contains("part-000002.db: robot 1 status from "
+                                           "2026-01-02T00:00:00") &&
+                           Catch::Contains("1 answers came, 1 are read, but not the same"));
 }
 
 TEST_CASE("a part that is cut short is recovered as far as it goes") {
