@@ -207,7 +207,8 @@ void LogReader::Impl::merge_heads() {
       const StreamKey key{row.stream.session, row.stream.robot, row.stream.source};
       first_seq.try_emplace(key, row.seq_from);
       Stream& known = streams[key];
-      const std::optional<std::uint64_t> planned = row.stream.planned ? row.stream.planned : known.planned;
+      // A part that was begun and never written, for the disk failed, knows fewer polls than the one before.
+      const std::optional<std::uint64_t> planned = std::max(row.stream.planned, known.planned);
       known = row.stream;
       known.planned = planned;
     }

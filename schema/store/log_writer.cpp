@@ -1,5 +1,7 @@
 #include "schema/store/log_writer.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
 #include <map>
@@ -29,6 +31,10 @@ constexpr Micros kMoveShare = 4;
 constexpr Micros kLeastMoveUs = 50'000;
 constexpr Micros kMostMoveUs = 1'000'000;
 constexpr std::uint64_t kPinned = 2;  // a WAL so many times larger than it should be is pinned by a reader
+// While the disk fails for days: some 10 MB of events and clock points wait for it.
+constexpr std::size_t kMostUnsaved = 20'000;
+// Of a part that cannot be read nobody knows how many sessions and robots it had.
+constexpr std::uint32_t kUnknownIds = 1000;
 // Against a robot that invents keys: the answers themselves keep all of them.
 constexpr std::size_t kUnknownKeysPerStream = 1000;
 
@@ -48,7 +54,11 @@ struct LogWriter::Impl : WriterHead {
   bool removed_told = false;           // the open transaction tells of removed parts
   std::uint64_t move_again_at = 0;     // stats.commits
   std::uint64_t prepare_again_at = 0;  // stats.commits
-  Micros newest_us = 0;                // time of the last answer
+  std::uint64_t change_again_at = 0;   // stats.commits
+  bool change_fails = false;           // and that has been told
+  std::vector<Event> unsaved_events;   // since the last commit; a failed one takes them along
+  std::vector<ClockPoint> unsaved_points;
+  Micros newest_us = 0;  // time of the last answer
   Micros committed_newest_us = 0;
   Stats stats;
   Stats committed_stats;
@@ -65,6 +75,10 @@ struct LogWriter::Impl : WriterHead {
     if (parts.found()) {
       adopt(*parts.found());
     }
+    if (!parts.knows_ids()) {
+      next_session += kUnknownIds;
+      new_robots_from = kUnknownIds + (robots.empty() ? 1 : robots.rbegin()->first);
+    }
     stats.parts = parts.has_current() ? 1 : 0;
     if (!parts.has_current() && parts.skip_to(options.first_part)) {
       next_part();
@@ -75,9 +89,12 @@ struct LogWriter::Impl : WriterHead {
   void open_newest();
   void adopt(const PartHead& head);
   void next_part();
+  bool change_part();
 
   template <class Write>
   void write(Write rows);
+  template <class Row>
+  void write_row(std::vector<Row>& unsaved, const Row& row);
   template <class Write>
   void write_polls(StreamState& state, std::uint64_t next_seq, Write rows);
   void write_lost();
@@ -160,6 +177,28 @@ void LogWriter::Impl::next_part() {
   ++stats.parts;
 }
 
+/// When that fails, the current part goes on, also into the next day: no poll is lost to it, and it is tried again.
+bool LogWriter::Impl::change_part() {
+  if (stats.commits < change_again_at) {
+    return false;
+  }
+  try {
+    next_part();
+    change_fails = false;
+    return true;
+  } catch (const Error& error) {
+    const auto* failed = dynamic_cast<const SqliteError*>(&error);
+    if (failed != nullptr && failed->full() && keeper.remove_one(parts, Keeper::When::disk_full)) {
+      return change_part();
+    }
+    change_again_at = stats.commits + kCommitsAfterFailure;
+    if (!std::exchange(change_fails, true) && options.retention.tell) {
+      options.retention.tell(fmt::format("the next part cannot be begun, the one before goes on: {}", error.what()));
+    }
+    return false;
+  }
+}
+
 /// Runs `rows` inside the open transaction, or begins one. When anything fails, all since the last commit is lost.
 template <class Write>
 void LogWriter::Impl::write(Write rows) {
@@ -176,6 +215,23 @@ void LogWriter::Impl::write(Write rows) {
     rolled_back();
     throw;
   }
+}
+
+/// Writes a row that is no poll; when it cannot be written now, it is later.
+template <class Row>
+void LogWriter::Impl::write_row(std::vector<Row>& unsaved, const Row& row) {
+  const auto keep = [&] {
+    if (unsaved.size() < kMostUnsaved) {
+      unsaved.push_back(row);
+    }
+  };
+  try {
+    write([&] { part().put(row); });
+  } catch (const Error&) {
+    keep();
+    throw;
+  }
+  keep();
 }
 
 /// Writes rows that use up the polls before `next_seq`; when they cannot be written, those polls are lost.
@@ -200,6 +256,12 @@ void LogWriter::Impl::write_lost() {
       state.add(*gap);
       stats.lost += gap->seq_count;
     }
+  }
+  for (const Event& event : unsaved_events) {
+    part().put(event);
+  }
+  for (const ClockPoint& point : unsaved_points) {
+    part().put(point);
   }
 }
 
@@ -253,9 +315,7 @@ void LogWriter::Impl::commit_all() {
   commit_rows();
   checkpoint();
   const Deadline until = move_until();
-  if (part_end.over(part().bytes())) {
-    next_part();
-  } else {
+  if (!part_end.over(part().bytes()) || !change_part()) {
     move_due(until);
     prepare_next();
   }
@@ -331,6 +391,8 @@ void LogWriter::Impl::move_due(Deadline until) {
 
 void LogWriter::Impl::committed() {
   lost = false;
+  unsaved_events.clear();
+  unsaved_points.clear();
   ++stats.commits;
   committed_stats = stats;
   hot.commit();
@@ -354,7 +416,7 @@ void LogWriter::Impl::checkpoint() {
 }
 
 void LogWriter::Impl::turn_day(Micros t_us) {
-  if (part_end.excludes(t_us)) {
+  if (part_end.excludes(t_us) && stats.commits >= change_again_at) {
     part_end.demand();
     commit();
   }
@@ -553,13 +615,11 @@ void LogWriter::add(const Gap& gap) {
   });
 }
 
-void LogWriter::add(const Event& event) {
-  impl_->write([&] { impl_->part().put(event); });
-}
+void LogWriter::add(const Event& event) { impl_->write_row(impl_->unsaved_events, event); }
 
 void LogWriter::add(const ClockPoint& point) {
   impl_->keeper.see(point);
-  impl_->write([&] { impl_->part().put(point); });
+  impl_->write_row(impl_->unsaved_points, point);
 }
 
 void LogWriter::commit() { impl_->commit(); }

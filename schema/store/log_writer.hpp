@@ -7,8 +7,8 @@
 // where there are more, they are written ahead of it.
 //
 // When the disk fails, the call throws Error and everything since the last commit() is lost; the writer can be used on.
-// The polls that were lost become gap rows with cause disk in the next transaction that works: callers do not report
-// them.
+// The polls that were lost become gap rows with cause disk in the next transaction that works, and events and clock
+// points (the first 20 000 of each) are written with them: callers do not report either again.
 
 #include <array>
 #include <chrono>

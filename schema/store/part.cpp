@@ -130,7 +130,13 @@ fs::path finish_part(const fs::path& prepared, const std::function<void(Connecti
     transaction.commit();
   }
   in_folder(folder, [&] { fs::rename(prepared, path); });
-  sync_folder(folder);
+  try {
+    sync_folder(folder);
+  } catch (const Error&) {
+    std::error_code ignored;  // a part that nobody writes would say that its session ended there
+    fs::remove(path, ignored);
+    throw;
+  }
   return path;
 }
 

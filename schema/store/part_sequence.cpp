@@ -7,6 +7,7 @@
 #include "schema/store/part_reader.hpp"
 #include "schema/store/recovery.hpp"
 #include "schema/store/schema_sql.hpp"
+#include "schema/store/seal.hpp"
 
 namespace tacho::store {
 
@@ -63,8 +64,8 @@ PartSequence::PartSequence(const fs::path& folder, bool durable, int zstd_level,
   if (log_.empty()) {
     log_ = found_ ? found_->row.log : random_log_id();
   }
-  continues_ =
-      found_ && found_->version == kSchemaVersion && found_->damage.empty() && found_->path == files.back().path;
+  knows_ids_ = files.empty() || (found_ && found_->damage.empty() && found_->path == files.back().path);
+  continues_ = knows_ids_ && found_ && found_->version == kSchemaVersion;
   for (const PartFile& file : files) {
     std::error_code unknown;
     if (continues_ && file.path == found_->path) {
@@ -253,6 +254,9 @@ bool PartSequence::finish(Left& left, Deadline until, std::optional<Micros> now_
     PartWriter part(left.file.path, durable_);
     part.connection().set_busy_timeout(0);  // recording never waits for a reader
     if (!left.counted) {
+      if (!check_seal(part.connection(), false, true).damage.empty()) {
+        return true;  // what is damaged must not be sealed as if it were whole
+      }
       count_hot_rows(part);
       left.counted = true;
     }

@@ -34,6 +34,9 @@ class PartSequence {
   /// The newest part that could be read, as it was found; empty in a new log.
   [[nodiscard]] const std::optional<PartHead>& found() const { return found_; }
 
+  /// False: there are sessions and robots that found() does not know: a newer part cannot be read, or it is damaged.
+  [[nodiscard]] bool knows_ids() const { return knows_ids_; }
+
   /// Opens found() to be written on, when it is the last one and whole, and ends sessions in it that were killed.
   void open();
   /// False: next() must be called first.
@@ -75,6 +78,7 @@ class PartSequence {
   std::uint32_t number_ = 0;
   std::optional<PartHead> found_;
   bool continues_ = false;  ///< found_ is to be written on
+  bool knows_ids_ = true;
   std::unique_ptr<PartWriter> current_;
   std::uint32_t current_number_ = 0;
   std::filesystem::path prepared_;

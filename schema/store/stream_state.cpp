@@ -32,7 +32,8 @@ void WriterHead::write_head(Connection& connection) const {
 
 RobotId WriterHead::id_of(const std::string& name) const {
   const auto found = std::find_if(robots.begin(), robots.end(), [&](const auto& r) { return r.second.name == name; });
-  return found != robots.end() ? found->first : robots.empty() ? 1 : robots.rbegin()->first + 1;
+  const RobotId next = robots.empty() ? 1 : robots.rbegin()->first + 1;
+  return found != robots.end() ? found->first : std::max(next, new_robots_from);
 }
 
 const Robot& WriterHead::learn(RobotId id, const Robot& told) {

@@ -118,6 +118,7 @@ struct WriterHead {
   std::optional<Session> session;  ///< the open one
   std::map<StreamId, StreamState> streams;
   std::map<StreamId, LastRow> earlier;
+  RobotId new_robots_from = 1;
 
   void write_head(Connection& connection) const;
   /// Of the robot with this name, or the next free one.

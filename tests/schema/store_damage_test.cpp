@@ -86,13 +86,15 @@ TEST_CASE("a foreign file with a part's name does not stop a recording") {
   TempDir dir;
   fs::create_directories(dir.path());
   std::ofstream(dir / "part-000001.db") << "not a part";
+  RobotId robot = 0;
   {
     Recording recording(dir.path());
+    robot = recording.robot;
     recording.polls(3);
     recording.end();
   }
   store::LogReader log = open_reader(dir.path());
-  CHECK(stored(log).size() == 3);
+  CHECK(stored(log, robot).size() == 3);
   CHECK(names(log, dir / "part-000001.db", "not an SQLite database"));
   CHECK(read_file(dir / "part-000001.db") == "not a part");
 }
@@ -339,7 +341,7 @@ TEST_CASE("a part that has forgotten which log it is of costs its own rows only,
     INFO("part " << harmed + 1);
     CHECK(stored(log).size() == rows - here + 5);
     CHECK(names(log, part, "another log"));
-    CHECK(log.sessions().back().id == 2);
+    CHECK(log.sessions().back().id == (harmed == 1 ? 2 : 1002));
   }
 }
 
@@ -360,4 +362,42 @@ TEST_CASE("rows that repeat or go back are left out and named") {
   store::LogReader log = open_reader(dir.path());
   CHECK(check_honest(log) == 10);
   CHECK(names(log, dir / "part-000002.db", "repeat"));
+}
+
+TEST_CASE("after a part that cannot be read, numbers of sessions and robots are not given again") {
+  TempDir dir(memory_folder());
+  { Recording(dir.path()).polls(1); }
+  fs::path newest;
+  {
+    store::WriterOptions options;
+    options.first_part = 1;
+    Recording recording(dir.path(), options, kT0 + kDay);
+    recording.polls(5);
+    recording.writer.commit();
+    CHECK(recording.session == 2);
+    CHECK(recording.writer.robot("amr-2", "127.0.0.1:19205:503") == 2);
+    recording.end();
+    newest = part_files(dir.path()).back();
+  }
+  REQUIRE(part_files(dir.path()).size() == 2);
+  std::fstream(newest, std::ios::in | std::ios::out | std::ios::binary) << std::string(100, '\0');
+  Recording recording(dir.path(), {}, kT0 + 2 * kDay);
+  CHECK(recording.session > 1000);
+  CHECK(recording.robot == 1);
+  CHECK(recording.writer.robot("amr-3", "127.0.0.1:19206:504") > 1000);
+  recording.polls(5);
+  recording.end();
+}
+
+TEST_CASE("a part that was left damaged is not sealed as if it were whole") {
+  TempDir dir(memory_folder());
+  { Recording(dir.path()).polls(1); }
+  { Recording(dir.path(), {}, kT0 + kDay).polls(1); }
+  const std::vector<fs::path> parts = part_files(dir.path());
+  REQUIRE(parts.size() == 2);
+  store::Connection(parts[0], store::OpenMode::write)
+      .exec("UPDATE part SET closed = 0; DELETE FROM summary; UPDATE coverage SET bytes = bytes + 1");
+  CHECK_FALSE(open_reader(dir.path()).problems().empty());
+  { Recording(dir.path(), {}, kT0 + 2 * kDay).polls(1); }
+  CHECK_FALSE(open_reader(dir.path()).problems().empty());
 }

@@ -150,6 +150,55 @@ TEST_CASE("with nothing to remove, recording waits for space, goes on by itself 
   }
 }
 
+TEST_CASE("events and clock points that a failing disk refused are written once it works, each once") {
+  TempDir dir(memory_folder());
+  FaultyDisk disk(dir / "log");
+  store::WriterOptions options = options_of({}, disk, 1u << 30);
+  options.part_bytes = 1u << 30;
+  {
+    Recording recording(dir / "log", options);
+    const auto note = [&] {
+      Event event;
+      event.robot = recording.robot;
+      event.session = recording.session;
+      event.t_us = event.t_from_us = recording.time();
+      event.subject = std::to_string(recording.next);
+      recording.writer.add(event);
+      recording.writer.add(ClockPoint{recording.robot, recording.session, recording.time(), 1, {}});
+    };
+    std::size_t refused = 0;
+    for (int i = 0; i < 100; ++i) {
+      if (i == 20) {
+        disk.set_capacity(disk.used() + 2'000);
+      } else if (i == 80) {
+        disk.set_capacity(std::nullopt);
+      }
+      const std::uint64_t next = recording.next;
+      for (const std::function<void()>& step : std::initializer_list<std::function<void()>>{
+               [&] { recording.polls(1); }, note, [&] { recording.writer.commit(); }}) {
+        try {
+          step();
+        } catch (const Error&) {
+          ++refused;
+        }
+      }
+      recording.next = next + 1;
+    }
+    CHECK(refused > 20);
+    recording.end();
+  }
+  store::LogReader log = open_reader(dir / "log");
+  CHECK(coverage_of(log).missed > 20);
+  const store::LogReader::Records records = log.part_records(0, 1);
+  std::vector<std::string> subjects;
+  for (const Event& event : records.events) {
+    subjects.push_back(event.subject);
+  }
+  CHECK(subjects.size() == 100);
+  CHECK(std::set<std::string>(subjects.begin(), subjects.end()).size() == 100);
+  CHECK(records.clock.size() == 100);
+}
+
 TEST_CASE("without a reserve a full disk costs polls and no part") {
   TempDir dir(memory_folder());
   FaultyDisk disk(dir / "log");
@@ -159,7 +208,7 @@ TEST_CASE("without a reserve a full disk costs polls and no part") {
     CHECK(record(recording, 40) == 0);
     const std::size_t parts = part_files(dir / "log").size();
     CHECK(parts > 2);
-    disk.set_capacity(disk.used() + 10'000);
+    disk.set_capacity(disk.used() + 2'000);
     CHECK(record(recording, 40) > 20);
     CHECK(part_files(dir / "log").size() >= parts);
     disk.set_capacity(std::nullopt);

@@ -250,7 +250,7 @@ TEST_CASE("a damaged newest part is left alone and a new one is begun") {
   const auto left = fs::file_size(part);
   {
     Recording recording(dir.path(), {}, kT0 + 1000 * kSecond);
-    CHECK(recording.session == 2);
+    CHECK(recording.session > 1000);
     recording.polls(5);
     recording.end();
   }
@@ -260,6 +260,6 @@ TEST_CASE("a damaged newest part is left alone and a new one is begun") {
   const std::vector<Stored> out = stored(log);
   CHECK(out.size() > 100);
   CHECK(out.size() < 3005);
-  CHECK(out.back().session == 2);
+  CHECK(out.back().session > 1000);
   CHECK_FALSE(log.problems().empty());
 }

@@ -350,6 +350,34 @@ TEST_CASE("a part that was made ready and is spoilt or gone costs no poll") {
   }
 }
 
+TEST_CASE("a next part that cannot be begun costs no poll: the one before goes on until it can be") {
+  TempDir dir(memory_folder());
+  std::vector<std::string> told;
+  store::WriterOptions options;
+  options.durable = false;
+  options.retention.tell = [&](const std::string& text) { told.push_back(text); };
+  Recording recording(dir.path(), options, kT0 + kDay - 10 * kSecond);
+  const fs::path obstacle = dir / ".unfinished-part-000002.db";
+  fs::remove(obstacle);
+  fs::create_directories(obstacle / "in the way");
+  for (int i = 0; i < 100; ++i) {
+    recording.polls(1);
+    recording.writer.commit();
+  }
+  CHECK(part_files(dir.path()).size() == 1);
+  REQUIRE(told.size() == 1);
+  CHECK_THAT(told[0], Catch::Contains("the one before goes on") && Catch::Contains(".unfinished-part-000002.db"));
+  CHECK(recording.writer.stats().lost == 0);
+  fs::remove_all(obstacle);
+  for (int i = 0; i < 100; ++i) {
+    recording.polls(1);
+    recording.writer.commit();
+  }
+  CHECK(part_files(dir.path()).size() == 2);
+  recording.end();
+  CHECK(first_of_rest(dir.path(), 200) == 0);
+}
+
 TEST_CASE("a reader that keeps the WAL from being emptied is answered with a new part, and no row waits for it") {
   TempDir dir(memory_folder());
   store::WriterOptions options;
