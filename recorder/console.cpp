@@ -6,9 +6,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <functional>
 #include <numeric>
+#include <utility>
 
 #include "recorder/dashboard.hpp"
 #include "schema/time.hpp"
@@ -44,11 +44,6 @@ Screen screen() {
   return {size.ws_col, size.ws_row};
 }
 
-void put(const std::string& text) {
-  std::fwrite(text.data(), 1, text.size(), stderr);
-  std::fflush(stderr);
-}
-
 }  // namespace
 
 /// To where the dashboard begins. In a window that was made narrower its lines take several rows each.
@@ -71,23 +66,28 @@ std::string Console::block() const {
 
 void Console::message(std::string_view text) {
   const std::lock_guard lock(mutex_);
-  put(fmt::format("{}{} {}{}\n{}", to_top(), iso_utc(wall_now_us()), text, lines_.empty() ? "" : "\x1b[K", block()));
+  const std::string lost = lost_ > 0 ? fmt::format("({} messages before this one were not read in time) ", lost_) : "";
+  const bool taken = outlet_.put(fmt::format("{}{} {}{}{}\n{}", to_top(), iso_utc(wall_now_us()), lost, text,
+                                             lines_.empty() ? "" : "\x1b[K", block()));
+  lost_ = taken ? 0 : lost_ + 1;
 }
 
 void Console::status(const Snapshot& snapshot) {
-  if (!terminal_) {
+  if (!terminal_ || outlet_.behind()) {
     return;
   }
   const std::lock_guard lock(mutex_);
   const std::string top = lines_.empty() ? kHideCursor : to_top();
-  lines_ = dashboard(snapshot, screen());
-  put(top + block());
+  const std::vector<std::string> before = std::exchange(lines_, dashboard(snapshot, screen()));
+  if (!outlet_.put(top + block())) {
+    lines_ = before;  // they are what stands there
+  }
 }
 
 void Console::end_status() {
   const std::lock_guard lock(mutex_);
   if (!lines_.empty()) {
-    put(kShowCursor);
+    outlet_.put(kShowCursor);
     lines_.clear();
   }
 }

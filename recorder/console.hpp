@@ -1,6 +1,7 @@
 #pragma once
 // Standard error, shared by messages and the dashboard, which exists only on a terminal: below the messages, rewritten
-// in place by one write, so that it does not flicker.
+// in place by one write, so that it does not flicker. Nobody waits for it to be read: what does not fit is left out and
+// counted.
 
 #include <cstddef>
 #include <mutex>
@@ -8,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "recorder/outlet.hpp"
 #include "recorder/recorder.hpp"
 
 namespace tacho::recorder {
@@ -24,6 +26,8 @@ class Console {
   void status(const Snapshot& snapshot);
   /// Leaves the dashboard standing, the cursor below it and visible.
   void end_status();
+  /// Until all is printed, or a second has passed.
+  void flush() { outlet_.flush(std::chrono::seconds(1)); }
   /// "robots 3/3  rows 1234  missed 0  queue 0  commit 0.4 ms  12.3 MB"
   static std::string status_text(const Progress& progress);
 
@@ -33,6 +37,8 @@ class Console {
   const bool terminal_;
   std::mutex mutex_;
   std::vector<std::string> lines_;
+  std::size_t lost_ = 0;  // messages since the last one that was taken
+  Outlet outlet_{2};
 };
 
 /// The table printed at the end of a recording: per robot and source planned, stored, missed by cause.

@@ -144,14 +144,20 @@ void Fleet::start(const RobotConfig& robot, const Row& row, std::size_t index, M
   crews_.push_back(std::move(crew));
 }
 
+void Fleet::stop(RobotId row) {
+  for (const auto& crew : crews_) {
+    if (crew->id == row) {
+      std::for_each(crew->stations.begin(), crew->stations.end(), [](const auto& station) { station->stop(); });
+    }
+  }
+}
+
 Identity Fleet::retire(RobotId row) {
   const auto found = std::find_if(crews_.begin(), crews_.end(), [&](const auto& crew) { return crew->id == row; });
   if (found == crews_.end()) {
     return {};
   }
-  for (const auto& station : (*found)->stations) {
-    station->stop();
-  }
+  stop(row);
   for (const auto& station : (*found)->stations) {
     station->thread.join();
   }

@@ -2,7 +2,7 @@
 // The robots that are being asked, each with its threads, and what has become of the streams of those that no longer
 // are. Numbers of polls of a stream go on where they were when a robot comes back.
 //
-// Thread rule: start(), retire() and join() from one thread; everything else from any.
+// Thread rule: start(), stop() of one robot, retire() and join() from one thread; everything else from any.
 
 #include <array>
 #include <atomic>
@@ -61,6 +61,8 @@ class Fleet {
   /// Polls are due from `start_us` (monotonic) on. `index`: place in the configuration; keeps the first polls of robots
   /// apart.
   void start(const RobotConfig& robot, const Row& row, std::size_t index, Micros start_us);
+  /// Tells the threads of one robot to end; does not wait.
+  void stop(RobotId row);
   /// Ends the polling of one robot; returns when its last row is in the sink. Its identity, as it is known now.
   Identity retire(RobotId row);
   /// Of the robots that are asked, as they are known now; by row of the log.

@@ -1,5 +1,6 @@
 #include "recorder/gap_tracker.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace tacho::recorder {
@@ -11,7 +12,7 @@ void GapTracker::open(std::uint64_t seq, std::uint64_t count, Micros from_us, Mi
   open_ = stream_;
   open_->seq_from = seq;
   open_->seq_count = count;
-  open_->t_from_us = from_us;
+  open_->t_from_us = std::min(from_us, to_us);  // an answer that was late may end behind the next due time
   open_->t_to_us = to_us;
   opened_us_ = to_us;
 }
@@ -41,7 +42,7 @@ std::optional<Gap> GapTracker::ended_by(Micros t_send_us) const {
     return std::nullopt;
   }
   Gap gap = *open_;
-  gap.t_to_us = t_send_us;
+  gap.t_to_us = std::max(t_send_us, gap.t_from_us);
   return gap;
 }
 
@@ -66,6 +67,13 @@ void GapTracker::stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, C
     }
   }
   last_good_us_ = t_recv_us;
+}
+
+void GapTracker::clock_set(Micros later_us) {
+  flush();
+  if (last_good_us_) {
+    *last_good_us_ += later_us;
+  }
 }
 
 void GapTracker::flush_if_old(Micros wall_us) {

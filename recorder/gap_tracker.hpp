@@ -28,6 +28,8 @@ class GapTracker {
   /// it, for `cause`.
   void stored(std::uint64_t seq, Micros t_send_us, Micros t_recv_us, Cause cause = Cause::timeout,
               const std::string& missing = {});
+  /// The wall clock was set, `later_us` forward: what is open is written, and times known so far are moved.
+  void clock_set(Micros later_us);
   /// Writes the open row when it is older than the flush interval.
   void flush_if_old(Micros wall_us);
   void flush();

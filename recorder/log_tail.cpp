@@ -157,7 +157,7 @@ std::vector<std::string> Tail::poll() {
   std::vector<std::string> out;
   for (Line& line : lines) {
     newest_us_ = std::max(newest_us_, line.t_us);
-    out.push_back(std::move(line.text));
+    out.push_back(options_.json ? std::move(line.text) : printable(std::move(line.text)));
   }
   newest_us_ = std::min(newest_us_, wall_now_us());  // the clock may have been set back
   std::erase_if(told_records_, [this](const auto& told) { return told.second < newest_us_ - 2 * kLookBack; });

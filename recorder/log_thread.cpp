@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "schema/error.hpp"
+#include "schema/text.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -312,7 +313,10 @@ void LogThread::look_for_io(const Answer& answer) {
   }
 }
 
-void LogThread::tell(const Event& event) {
+void LogThread::tell(Event event) {
+  for (std::string* const words : {&event.subject, &event.old_value, &event.new_value, &event.detail}) {
+    *words = printable(std::move(*words));
+  }
   const std::string& robot = watched_[event.robot].name;
   switch (event.kind) {
     case EventKind::link_up:

@@ -116,7 +116,7 @@ class LogThread final : public Sink {
   void publish();
   void foretell();
   void look_for_io(const Answer& answer);
-  void tell(const Event& event);
+  void tell(Event event);
 
   store::LogWriter& writer_;
   Ingest& ingest_;

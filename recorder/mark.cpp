@@ -14,6 +14,8 @@
 #include <system_error>
 #include <utility>
 
+#include "schema/text.hpp"
+
 namespace tacho::recorder {
 
 namespace {
@@ -73,13 +75,6 @@ bool is_utf8(std::string_view text) {
     text.remove_prefix(length);
   }
   return true;
-}
-
-/// Terminals that show the log must not be steered by a mark.
-std::string printable(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }, ' ');
-  return text;
 }
 
 }  // namespace

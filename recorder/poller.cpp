@@ -3,10 +3,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 #include <utility>
 
 namespace tacho::recorder {
+
+namespace {
+
+constexpr Micros kClockStep = 100'000;  // adjusting moves a clock by 0.5 ms in a second at most
+
+/// No question on the connection has another outcome.
+bool of_the_peer(Cause cause) {
+  return cause == Cause::connect_refused || cause == Cause::connect_timeout || cause == Cause::unreachable ||
+         cause == Cause::client_limit;
+}
+
+}  // namespace
 
 std::uint64_t SourceCounters::missed_total() const {
   std::uint64_t sum = 0;
@@ -59,7 +72,7 @@ void Poller::run(Micros start_us, Micros end_us) {
                           : lane->pace    ? std::max(outage_ ? outage_->retry_us : start_us, clock_.mono_us())
                                           : lane->schedule->next_due_us();
     // While the link is down nothing is sent, so nothing needs to keep a distance.
-    const bool waiting = outage_ && due_us < outage_->retry_us;
+    const bool waiting = lane != nullptr && held(*lane, due_us) != nullptr;
     const Micros wake_us = waiting ? due_us : std::max(due_us, not_before_us_);
     if ((lane != nullptr && due_us >= end_us) || !clock_.sleep_until(wake_us)) {
       break;
@@ -115,13 +128,24 @@ void Poller::emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const st
   emit(lane, seq, {EventKind::rate, subject, rate_text(before_us), rate_text(period_us), why});
 }
 
+/// What keeps the lane from being asked now.
+const Poller::Outage* Poller::held(const Lane& lane, Micros now_us) const {
+  for (const std::optional<Outage>* outage : {&outage_, &lane.silence}) {
+    if (*outage && now_us < (*outage)->retry_us) {
+      return &**outage;
+    }
+  }
+  return nullptr;
+}
+
 void Poller::serve(Lane& lane, Micros now_us) {
+  follow_clock();
   if (lane.pace) {
     listen(lane);
     return;
   }
-  if (outage_ && now_us < outage_->retry_us) {
-    miss(lane, 1 + lane.schedule->overrun(now_us), outage_->cause, outage_->detail);
+  if (const Outage* const outage = held(lane, now_us)) {
+    miss(lane, 1 + lane.schedule->overrun(now_us), outage->cause, outage->detail);
     return;
   }
   if (const std::uint64_t late = lane.schedule->overrun(now_us); late > 0) {
@@ -138,14 +162,15 @@ void Poller::serve(Lane& lane, Micros now_us) {
 /// Polls the link, and tells what it noticed.
 PollResult Poller::ask(Lane& lane, std::uint64_t seq) {
   asked_us_ = clock_.mono_us();
-  not_before_us_ = asked_us_ + options_.spacing_us;
+  not_before_us_ = asked_us_ + (lane.pace ? 0 : options_.spacing_us);  // listening asks for nothing
   PollResult result = link_->poll(lane.plan.source, options_.timeout);
+  follow_clock();
   if (!result.ok && clock_.stopped_at()) {
     result.cause = Cause::shutdown;
     result.detail = "stopped while waiting for the answer";
   }
   if (result.cause != Cause::shutdown || result.ok) {
-    judge_link(result);
+    judge_link(lane, result);
   }
   for (const LinkNote& note : result.notes) {
     emit(lane, seq, note);
@@ -229,8 +254,41 @@ void Poller::miss(Lane& lane, std::uint64_t count, Cause cause, const std::strin
   lane.counters.missed[static_cast<std::size_t>(cause)] += count;
 }
 
+/// Whether it is the connection that is down, or one source that is not answered. Links close after either, so only
+/// what other sources get tells them apart.
+void Poller::judge_link(Lane& lane, const PollResult& result) {
+  const bool connected = link_->connected();
+  const std::optional<Micros> tried_us = std::exchange(lane.tried_us, asked_us_);
+  if (result.ok || connected) {
+    lane.answered_us = asked_us_;
+  }
+  // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
+  if (connected || (result.ok && !result.partial)) {
+    tell_link(result);
+    outage_.reset();
+    lane.silence.reset();
+    return;
+  }
+  // Since it was asked the last time: longer ago, the robot may have gone since.
+  const bool others_answered = std::any_of(lanes_.begin(), lanes_.end(), [&](const auto& other) {
+    return other.get() != &lane && other->answered_us > tried_us;
+  });
+  if (others_answered && !of_the_peer(result.cause)) {
+    const Micros backoff = lane.silence ? lane.silence->backoff_us * 2 : options_.backoff_min_us;
+    const Micros least = std::min(backoff, options_.silence_max_us);
+    lane.silence = Outage{result.cause, result.detail, asked_us_ + least, least};
+    return;
+  }
+  tell_link(result);
+  // A robot that says it has too many clients is there, and asking soon does not help it; any other is to be heard
+  // within a second of its return.
+  const Micros most = result.cause == Cause::client_limit ? options_.backoff_max_us : options_.retry_max_us;
+  const Micros backoff = std::min(outage_ && !result.ok ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
+  outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
+}
+
 /// Events of the connection are events of its first source, whichever noticed.
-void Poller::judge_link(const PollResult& result) {
+void Poller::tell_link(const PollResult& result) {
   const Lane& first = *lanes_.front();
   const std::uint64_t seq = first.schedule->next();
   const bool connected = link_->connected();
@@ -238,19 +296,20 @@ void Poller::judge_link(const PollResult& result) {
     announced_ = true;
     emit(first, seq, {EventKind::link_up, {}, {}, {}, {}});
   }
-  // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
-  if (connected || (result.ok && !result.partial)) {
-    outage_.reset();
-    return;
-  }
-  // A robot that says it has too many clients is there, and asking soon does not help it; any other is to be heard
-  // within a second of its return.
-  const Micros most = result.cause == Cause::client_limit ? options_.backoff_max_us : options_.retry_max_us;
-  const Micros backoff = std::min(outage_ && !result.ok ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
-  outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
-  if (up_.exchange(false) || !announced_) {
+  if (!connected && !(result.ok && !result.partial) && (up_.exchange(false) || !announced_)) {
     announced_ = true;
     emit(first, seq, {EventKind::link_down, {}, {}, std::string(cause_name(result.cause)), result.detail});
+  }
+}
+
+/// Gap rows are in the time of the clock that stands when they end: one that was set ends what is open.
+void Poller::follow_clock() {
+  const Micros ahead_us = clock_.wall_us() - clock_.mono_us();
+  const Micros before_us = std::exchange(wall_ahead_us_, ahead_us).value_or(ahead_us);
+  if (std::abs(ahead_us - before_us) >= kClockStep) {
+    for (const auto& lane : lanes_) {
+      lane->gaps->clock_set(ahead_us - before_us);
+    }
   }
 }
 

@@ -53,7 +53,8 @@ struct PollerOptions {
   // From the start of one attempt to the next while there is no connection; doubled after each.
   Micros backoff_min_us = 200'000;
   Micros retry_max_us = 500'000;
-  Micros backoff_max_us = 5'000'000;  ///< of a robot that refuses further clients (61001)
+  Micros backoff_max_us = 5'000'000;   ///< of a robot that refuses further clients (61001)
+  Micros silence_max_us = 30'000'000;  ///< of a source that is not answered while others on the connection are
   Micros gap_flush_us = 60'000'000;
   WordOrder word_order = WordOrder::cdab;  ///< until the link finds another
   RobotWatch* watch = nullptr;             ///< must outlive the poller; null: answers are not looked at
@@ -87,19 +88,22 @@ class Poller {
   [[nodiscard]] bool link_up() const { return up_; }
 
  private:
+  struct Outage {
+    Cause cause = Cause::timeout;
+    std::string detail;
+    Micros retry_us = 0;  // monotonic
+    Micros backoff_us = 0;
+  };
   struct Lane {
     PolledSource plan;
     std::optional<Schedule> schedule;
     std::optional<GapTracker> gaps;
     SourceCounters counters;
     bool given_up = false;
-    std::optional<Pace> pace;  ///< set: it is listened to
-  };
-  struct Outage {
-    Cause cause = Cause::timeout;
-    std::string detail;
-    Micros retry_us = 0;  // monotonic
-    Micros backoff_us = 0;
+    std::optional<Pace> pace;           ///< set: it is listened to
+    std::optional<Outage> silence;      ///< of this source alone
+    std::optional<Micros> tried_us;     ///< monotonic, when it was asked last
+    std::optional<Micros> answered_us;  ///< ... and answered, be it with a refusal
   };
 
   Lane* next_lane();
@@ -112,7 +116,10 @@ class Poller {
   PollResult ask(Lane& lane, std::uint64_t seq);
   void store(Lane& lane, std::uint64_t seq, PollResult result);
   void miss(Lane& lane, std::uint64_t count, Cause cause, const std::string& detail);
-  void judge_link(const PollResult& result);
+  void judge_link(Lane& lane, const PollResult& result);
+  void tell_link(const PollResult& result);
+  [[nodiscard]] const Outage* held(const Lane& lane, Micros now_us) const;
+  void follow_clock();
   void emit(const Lane& lane, std::uint64_t seq, const LinkNote& note);
   void flush_old_gaps();
   void finish(Micros end_us);
@@ -123,11 +130,12 @@ class Poller {
   Clock& clock_;
   Sink& sink_;
   std::vector<std::unique_ptr<Lane>> lanes_;  // counters are atomics: not movable
-  std::optional<Outage> outage_;
+  std::optional<Outage> outage_;              ///< of the connection
   std::atomic<bool> up_{false};
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too
   Micros asked_us_ = 0;     // when the last poll began
   Micros not_before_us_ = 0;
+  std::optional<Micros> wall_ahead_us_;  // of the monotonic clock
   std::optional<Identity> stranger_;
 };
 

@@ -261,6 +261,13 @@ struct Recorder::Impl {
   }
 
   void change(const ReloadPlan& plan, const Config& next) {
+    // All at once: one that waits for an answer takes up to its timeout to end.
+    for (const std::string& name : plan.removed) {
+      fleet->stop(roster.find(name)->id);
+    }
+    for (const RobotConfig& robot : plan.changed) {
+      fleet->stop(roster.find(robot.name)->id);
+    }
     for (const std::string& name : plan.removed) {
       const RobotId id = roster.find(name)->id;
       roster.learn(id, fleet->retire(id));

@@ -54,6 +54,9 @@ void Ring::add(RobotId robot, Row row, Micros mono_us) {
     write(ring, std::move(row));
     return;
   }
+  if (mono_us < ring.open_until_us) {
+    cut_off(ring);
+  }
   bytes_ += row.bytes();
   ring.kept.push_back({std::move(row), mono_us});
   while (!ring.kept.empty() && ring.kept.front().mono_us < mono_us - settings_.before_us) {
@@ -96,11 +99,24 @@ void Ring::trigger(const Event& event, const std::string& why, Micros mono_us) {
   if (refused) {
     return;
   }
+  ring.window = announced;
   ring.open_until_us = mono_us + settings_.after_us;
   for (std::deque<Kept> kept = std::exchange(ring.kept, {}); !kept.empty(); kept.pop_front()) {
     bytes_ -= kept.front().row.bytes();
     write(ring, std::move(kept.front().row));
   }
+}
+
+/// The day's budget ends a window before its time.
+void Ring::cut_off(Robot& ring) {
+  ring.open_until_us = 0;
+  told_spent_ = true;
+  Event event = ring.window;
+  event.seq = ring.counts.written;
+  event.old_value = std::to_string(ring.counts.aged_out - std::exchange(ring.told_aged_out, ring.counts.aged_out));
+  event.new_value = "0";
+  event.detail = fmt::format("cut off here: {} MB of this day are used up", settings_.day_bytes >> 20);
+  announce_(event);
 }
 
 void Ring::write(Robot& ring, Row row) {

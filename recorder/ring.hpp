@@ -65,9 +65,11 @@ class Ring {
   struct Robot {
     std::deque<Kept> kept;
     Micros open_until_us = 0;
+    Event window;                     // that announced the open one
     std::uint64_t told_aged_out = 0;  // by the last announcement
     Counts counts;
   };
+  void cut_off(Robot& robot);
   void write(Robot& robot, Row row);
   void drop_oldest(Robot& robot);
   void shrink();

@@ -78,6 +78,7 @@ class Run {
     const std::vector<SourceSummary> summary = recorder_.finish();
     console_.status(recorder_.snapshot());
     console_.end_status();
+    console_.flush();  // before the table, when both go to one terminal
     fmt::print("{}", summary_text(summary));
     std::fflush(stdout);
     if (const std::string why = nothing_recorded(summary); !why.empty()) {

@@ -49,4 +49,10 @@ std::string did_you_mean(std::string_view name, std::span<const std::string> can
   return found.empty() ? "" : "; did you mean '" + found + "'?";
 }
 
+std::string printable(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }, ' ');
+  return text;
+}
+
 }  // namespace tacho

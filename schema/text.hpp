@@ -1,5 +1,5 @@
 #pragma once
-// Small helpers on names, shared by everything that answers "did you mean".
+// Small helpers on names and on text of others.
 
 #include <cstddef>
 #include <span>
@@ -16,5 +16,8 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
 
 /// "; did you mean 'x'?" or empty.
 std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
+
+/// Control characters become spaces: what robots and people wrote must neither steer a terminal nor forge a line.
+std::string printable(std::string text);
 
 }  // namespace tacho

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int kIllegalAddress = 2;
 constexpr int kIllegalValue = 3;
+constexpr int kSilences = 3;                    // of one range, before it is left out
 constexpr unsigned kSweepsBetweenGuesses = 50;  // while the word order is undecided
 
 std::string_view exception_words(int code) {
@@ -66,9 +67,11 @@ std::vector<wire::Range> not_covered(const std::vector<wire::Range>& wanted, con
 /// What one sweep has read and what it has not.
 struct ModbusLink::Sweep {
   bool discrete = false;
+  Micros timeout_us = 0;
   Micros deadline_us = 0;
   std::string image;
   std::vector<wire::Range> read;
+  std::optional<wire::Range> silent;  // was given most of the time, and nothing came
   Cause cause = Cause::modbus_exception;
   std::string why;  // of the first request that failed, refusals that taught the plan something included
   Micros t_send_us = 0;
@@ -162,15 +165,27 @@ ModbusLink::Exchanged ModbusLink::exchange(const mbap::Request& request, Micros 
     size += got.bytes.size();
     out.answer = mbap::judge({buffer.data(), size}, request);
   }
+  out.size = size;
   out.trailing = out.answer.size != 0 && size > out.answer.size;
-  if (out.failure.failed && out.failure.cause == Cause::timeout) {
-    out.failure.detail = size == 0 ? fmt::format(
-                                         "{}: connected, but no answer to unit {}; a robot with another "
-                                         "modbusSlaveId stays silent, see `unit`",
-                                         socket_.address(), options_.unit)
-                                   : fmt::format("{}: only {} bytes of an answer", socket_.address(), size);
-  }
   return out;
+}
+
+Reply ModbusLink::unanswered(Sweep& sweep, wire::Range range, std::size_t size, Micros waited_us) {
+  if (size > 0) {
+    return give_up(sweep, Cause::timeout, fmt::format("{}: only {} bytes of an answer", socket_.address(), size));
+  }
+  if (2 * waited_us >= sweep.timeout_us) {
+    sweep.silent = range;  // else the answers before it may have been slow
+  }
+  if (sweep.read.empty()) {
+    return give_up(sweep, Cause::timeout,
+                   fmt::format("{}: connected, but no answer to unit {}; a robot with another modbusSlaveId stays "
+                               "silent, see `unit`",
+                               socket_.address(), options_.unit));
+  }
+  return give_up(sweep, Cause::timeout,
+                 fmt::format("{}: no answer at {}{}, while others were answered", socket_.address(),
+                             sweep.discrete ? "[1x]" : "[3x]", range_text(range)));
 }
 
 Reply ModbusLink::read(Sweep& sweep, wire::Range range) {
@@ -189,7 +204,11 @@ Reply ModbusLink::read(Sweep& sweep, wire::Range range) {
   request.count = range.count;
   sweep.t_send_us = sweep.t_send_us == 0 ? wall_now_us() : sweep.t_send_us;
   Buffer buffer;  // uninitialised on purpose: written by receive
+  const Micros asked_us = mono_now_us();
   const Exchanged got = exchange(request, sweep.deadline_us, buffer);
+  if (got.failure.failed && got.failure.cause == Cause::timeout) {
+    return unanswered(sweep, range, got.size, mono_now_us() - asked_us);
+  }
   if (got.failure.failed) {
     return give_up(sweep, got.failure.cause, got.failure.detail);
   }
@@ -219,6 +238,26 @@ Reply ModbusLink::take(Sweep& sweep, wire::Range range, const mbap::Answer& answ
                  fmt::format("{}: {}; is this a Modbus TCP port (502)?", socket_.address(), answer.why));
 }
 
+/// The range that was met with silence too often, when it is not asked again. One that is asked first hides whether
+/// others are answered: it is asked last before it is judged.
+std::vector<wire::Range> ModbusLink::judge_silence(Planned& planned, const Sweep& sweep) {
+  if (!sweep.silent) {
+    const auto answered = std::find(sweep.read.begin(), sweep.read.end(), planned.silent);
+    if (answered != sweep.read.end()) {
+      planned.silent.reset();
+    }
+    return {};
+  }
+  const bool again = planned.silent && *planned.silent == *sweep.silent;
+  planned.silences = (again ? planned.silences : 0) + (sweep.read.empty() ? 0 : 1);
+  planned.silent = sweep.silent;
+  if (planned.silences < kSilences) {
+    return {};
+  }
+  const wire::Range range = *std::exchange(planned.silent, std::nullopt);
+  return planned.plan.leave_out(range) ? std::vector{range} : std::vector<wire::Range>();
+}
+
 void ModbusLink::run(Planned& planned, Sweep& sweep, PollResult& result) {
   RegisterPlan& plan = planned.plan;
   // Both ways: a wall clock that was set must not keep a refusal for years.
@@ -228,7 +267,9 @@ void ModbusLink::run(Planned& planned, Sweep& sweep, PollResult& result) {
   const bool had_learned = plan.learned();
   // What an earlier recording found to be illegal is said once in this one as well.
   const std::vector<wire::Range> known_illegal = planned.told ? plan.illegal() : std::vector<wire::Range>();
-  const std::vector<wire::Range> news = plan.sweep([&](wire::Range range) { return read(sweep, range); });
+  std::vector<wire::Range> news = plan.sweep([&](wire::Range range) { return read(sweep, range); }, planned.silent);
+  const std::vector<wire::Range> left_out = judge_silence(planned, sweep);
+  news.insert(news.end(), left_out.begin(), left_out.end());
   if (plan.learned() && !had_learned) {
     planned.learned_us = wall_now_us();
   }
@@ -292,12 +333,14 @@ bool ModbusLink::detect(PollResult& result) {
 }
 
 /// One sweep, and a second one in the time that is left when the first shows that addresses are other than documented.
-PollResult ModbusLink::ask(Source source, Micros deadline_us) {
+PollResult ModbusLink::ask(Source source, Micros timeout_us) {
   PollResult result;
+  const Micros deadline_us = mono_now_us() + timeout_us;
   for (const bool last : {false, true}) {
     Sweep sweep;
     sweep.discrete = source == Source::inputs;
     sweep.deadline_us = deadline_us;
+    sweep.timeout_us = timeout_us;
     std::vector<LinkNote> notes = std::move(result.notes);
     result = PollResult();
     result.notes = std::move(notes);
@@ -315,7 +358,7 @@ PollResult ModbusLink::ask(Source source, Micros deadline_us) {
 }
 
 PollResult ModbusLink::poll(Source source, std::chrono::milliseconds timeout) {
-  PollResult result = ask(source, mono_now_us() + std::chrono::microseconds(timeout).count());
+  PollResult result = ask(source, std::chrono::microseconds(timeout).count());
   learn();
   if (!result.ok && socket_.interrupted()) {
     result.cause = Cause::shutdown;

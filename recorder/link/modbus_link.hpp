@@ -49,24 +49,29 @@ class ModbusLink final : public Link {
  private:
   struct Planned {
     RegisterPlan plan;
-    Micros learned_us = 0;  // wall clock, because it outlives a restart
-    bool told = false;      // a sweep has said what is missing
+    Micros learned_us = 0;              // wall clock, because it outlives a restart
+    bool told = false;                  // a sweep has said what is missing
+    std::optional<wire::Range> silent = std::nullopt;  // not answered in the last sweep
+    int silences = 0;                   // ... and in how many in a row, in which others were
   };
   struct Sweep;
   using Buffer = std::array<char, 2 * mbap::kMaxFrameBytes>;  // room to notice a second answer
   struct Exchanged {
     Failure failure;
     mbap::Answer answer;
+    std::size_t size = 0;   // of what came
     bool trailing = false;  // bytes behind the answer: this connection is out of step
   };
   Planned& planned(Source source);
   Failure ready(Micros deadline_us);
-  PollResult ask(Source source, Micros deadline_us);
+  PollResult ask(Source source, Micros timeout_us);
   void run(Planned& planned, Sweep& sweep, PollResult& result);
+  std::vector<wire::Range> judge_silence(Planned& planned, const Sweep& sweep);
   Exchanged exchange(const mbap::Request& request, Micros deadline_us, Buffer& buffer);
   Reply read(Sweep& sweep, wire::Range range);
   Reply take(Sweep& sweep, wire::Range range, const mbap::Answer& answer);
   Reply refused(Sweep& sweep, wire::Range range, int code);
+  Reply unanswered(Sweep& sweep, wire::Range range, std::size_t size, Micros waited_us);
   Reply give_up(Sweep& sweep, Cause cause, std::string why);
   bool detect(PollResult& result);
   void recall();

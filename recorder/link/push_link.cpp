@@ -22,6 +22,7 @@ void PushLink::close() {
 
 PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   PollResult result;
+  const std::size_t had = decoder_.buffered();
   const Micros deadline_us = mono_now_us() + std::chrono::microseconds(timeout).count();
   Failure failure;
   if (!socket_.connected()) {
@@ -41,7 +42,9 @@ PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   }
   result.cause = socket_.interrupted() ? Cause::shutdown : failure.cause;
   result.detail = std::move(failure.detail);
-  const bool quiet = failure.cause == Cause::timeout && decoder_.buffered() == 0 && socket_.connected();
+  // Half a push that has grown may just be cut by this deadline; one that stands still is none.
+  const bool sound = decoder_.buffered() == 0 || decoder_.buffered() > had;
+  const bool quiet = failure.cause == Cause::timeout && sound && socket_.connected();
   if (!quiet || mono_now_us() - silent_since_us_ > kLongestSilence) {
     close();
   }
@@ -85,7 +88,7 @@ void PushLink::judge(wire::Frame frame, PollResult& result) {
     case wire::AnswerClass::client_limit:
       result.cause = full ? Cause::client_limit : Cause::error_frame;
       result.detail = fmt::format("{}: {}", socket_.address(), wire::explain_error(frame));
-      if (std::exchange(last_error_, result.detail) != result.detail) {
+      if (std::string key = wire::error_key(frame); std::exchange(last_error_, key) != key) {
         result.notes.push_back({full ? EventKind::client_limit : EventKind::error_frame,
                                 std::to_string(frame.header.type),
                                 {},

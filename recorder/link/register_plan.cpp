@@ -186,45 +186,93 @@ Reply RegisterPlan::ask_run(Range run, const Ask& ask, int& extra, Pieces& out) 
   return reply;
 }
 
-std::vector<Range> RegisterPlan::sweep(const Ask& ask) {
+bool RegisterPlan::spans_gaps(Range range) const {
+  const std::vector<Range> runs = runs_inside(range);
+  return runs.size() != 1 || !(runs.front() == range);
+}
+
+bool RegisterPlan::leave_out(Range range) {
+  const auto found = std::find(ranges_.begin(), ranges_.end(), range);
+  if (found == ranges_.end()) {
+    return false;
+  }
+  learned_ = true;
+  const auto place = ranges_.erase(found);
+  if (spans_gaps(range)) {
+    const std::vector<Range> runs = runs_inside(range);
+    ranges_.insert(place, runs.begin(), runs.end());
+    return false;
+  }
+  if (std::find(illegal_.begin(), illegal_.end(), range) == illegal_.end()) {
+    illegal_.push_back(range);
+  }
+  return true;
+}
+
+/// What was illegal before forget() and is asked for again now is illegal no longer.
+void RegisterPlan::drop_answered() {
+  std::erase_if(illegal_, [this](Range bad) {
+    return std::any_of(ranges_.begin(), ranges_.end(),
+                       [bad](Range r) { return r.first < end_of(bad) && bad.first < end_of(r); });
+  });
+}
+
+std::vector<Range> RegisterPlan::sweep(const Ask& ask, const std::optional<Range>& last) {
   Pieces pieces;
   int extra = 0;
   bool refused = false;
-  for (const Range range : ranges_) {
+  const auto visit_run = [&](Range run) {
     if (pieces.stop) {
-      pieces.unknown.push_back(range);
-      continue;
+      pieces.unknown.push_back(run);
+      return;
     }
-    const std::vector<Range> runs = runs_inside(range);
-    const bool spans_gaps = runs.size() != 1 || !(runs.front() == range);
-    if (!spans_gaps) {
-      const Reply reply = ask_run(range, ask, extra, pieces);
-      refused = refused || reply == Reply::bad_address || reply == Reply::bad_count;
-      continue;
+    const Reply reply = ask_run(run, ask, extra, pieces);
+    refused = refused || reply == Reply::bad_address || reply == Reply::bad_count;
+  };
+  bool put_off = false;
+  const auto is_last = [&](Range range) { return last && *last == range; };
+  const auto visit = [&](Range range) {
+    if (pieces.stop || !spans_gaps(range)) {
+      visit_run(range);
+      return;
     }
     const Reply reply = ask(range);
-    if (reply == Reply::bad_address || reply == Reply::bad_count) {
-      refused = true;
-      for (const Range run : runs) {
-        if (pieces.stop) {
-          pieces.unknown.push_back(run);
-        } else {
-          ask_run(run, ask, extra, pieces);
-        }
-      }
-    } else {
+    if (reply != Reply::bad_address && reply != Reply::bad_count) {
       (reply == Reply::ok ? pieces.good : pieces.unknown).push_back(range);
       pieces.stop = reply == Reply::stop;
+      return;
     }
+    refused = true;
+    for (const Range run : runs_inside(range)) {
+      if (is_last(run)) {
+        put_off = true;
+      } else {
+        visit_run(run);
+      }
+    }
+  };
+  for (const Range range : ranges_) {
+    if (is_last(range)) {
+      put_off = true;
+    } else {
+      visit(range);
+    }
+  }
+  if (put_off) {
+    visit(*last);
   }
   // A server that refuses everything may just be starting: nothing is learned from it.
   if (!refused || pieces.good.empty()) {
+    if (!pieces.good.empty() && pieces.unknown.empty()) {
+      drop_answered();
+    }
     return {};
   }
   learned_ = true;
   ranges_ = pieces.good;
   append(ranges_, pieces.unknown);
   std::sort(ranges_.begin(), ranges_.end(), [](Range a, Range b) { return a.first < b.first; });
+  drop_answered();
   std::vector<Range> news;
   for (const Range r : pieces.illegal) {
     if (std::find(illegal_.begin(), illegal_.end(), r) == illegal_.end()) {

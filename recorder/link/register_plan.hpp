@@ -5,9 +5,13 @@
 // run is searched by bisection: ask the left half; when it answers, the culprit is in the right half, which need not be
 // asked. The last value left is asked alone, so that a server that merely refuses long requests does not lose a
 // register. For a run of n values this costs ceil(log2 n) + 2 requests, the rest of the run included.
+//
+// A range that is met with silence costs the connection and the time of the sweep, so it cannot be searched: it is
+// asked last, and left out as a whole when the owner says so.
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,7 +36,11 @@ class RegisterPlan {
   /// One sweep: asks for every range, learns from refusals. What was refused for good in this sweep and is not asked
   /// again until forget() is returned; what could not be read but will be asked again is the caller's to know, from
   /// Ask.
-  std::vector<wire::Range> sweep(const Ask& ask);
+  /// `last`: the range that is asked after all others.
+  std::vector<wire::Range> sweep(const Ask& ask, const std::optional<wire::Range>& last = std::nullopt);
+  /// This range of ranges() is never answered. When it spans undocumented registers, its documented runs are asked for
+  /// from now on, and false is returned; else it is not asked again until forget().
+  bool leave_out(wire::Range range);
 
   [[nodiscard]] const std::vector<wire::Range>& ranges() const { return ranges_; }
   [[nodiscard]] const std::vector<wire::Range>& illegal() const { return illegal_; }
@@ -56,6 +64,8 @@ class RegisterPlan {
   void bisect(wire::Range refused, const Ask& ask, int& extra, Pieces& out) const;
   void halve(wire::Range refused, const Ask& ask, int& extra, Pieces& out) const;
   [[nodiscard]] std::vector<wire::Range> runs_inside(wire::Range range) const;
+  [[nodiscard]] bool spans_gaps(wire::Range range) const;
+  void drop_answered();
   [[nodiscard]] std::vector<wire::Range> split(wire::Range range) const;
 
   bool discrete_;

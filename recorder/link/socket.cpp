@@ -44,6 +44,12 @@ Failure failure(int error, const std::string& address) {
     case ENETDOWN:
       return {true, Cause::unreachable,
               fmt::format("{}: {}; is the robot on and this host in its network?", address, words(error))};
+    case EMFILE:
+    case ENFILE:
+    case ENOBUFS:
+    case ENOMEM:
+      return {true, Cause::unreachable,
+              fmt::format("{}: {}; this host is at its limit, not the robot (see LimitNOFILE)", address, words(error))};
     default:
       return {true, Cause::unreachable, fmt::format("{}: {}", address, words(error))};
   }

@@ -202,10 +202,10 @@ void TcpLink::judge_sequence(const wire::Frame& frame, bool first, PollResult& r
 }
 
 void TcpLink::note_error(const wire::Frame& frame, Source source, EventKind kind, PollResult& result) {
-  const std::string key = fmt::format("{} {}", frame.header.type, frame.body);
+  std::string key = wire::error_key(frame);
   std::string& last = last_error_[static_cast<std::size_t>(source)];
   if (last != key) {
-    last = key;
+    last = std::move(key);
     result.notes.push_back({kind,
                             std::to_string(frame.header.type),
                             {},

@@ -87,7 +87,11 @@ std::string own_words(std::string_view body) {
   if (body.empty()) {
     return "";
   }
-  const std::string_view start = body.substr(0, kQuotedBytes);
+  std::string_view start = body.substr(0, kQuotedBytes);
+  while (start.size() < body.size() && !start.empty() &&
+         (static_cast<unsigned char>(body[start.size()]) & 0xC0U) == 0x80U) {
+    start.remove_suffix(1);  // not in the middle of a character
+  }
   const bool utf8 = simdjson::validate_utf8(start.data(), start.size());
   std::string text = "; the robot says: ";
   for (const char c : start) {
@@ -95,7 +99,7 @@ std::string own_words(std::string_view body) {
     const bool printable = byte >= 0x20 && byte != 0x7F && (byte < 0x80 || utf8);
     text += printable ? c : ' ';
   }
-  return text + (body.size() > kQuotedBytes ? "..." : "");
+  return text + (body.size() > start.size() ? "..." : "");
 }
 
 /// The port number as the type. A push has the same type, but no such code.
@@ -208,6 +212,11 @@ std::string explain_error(const Frame& frame) {
   return fmt::format(
       "unexpected frame of type {} with {} bytes: it answers another request; the connection is closed{}", type,
       frame.body.size(), own_words(frame.body));
+}
+
+std::string error_key(const Frame& frame) {
+  const std::optional<std::int64_t> code = return_code(frame.body);
+  return fmt::format("{} {}", frame.header.type, code ? std::to_string(*code) : "");
 }
 
 }  // namespace tacho::wire

@@ -76,4 +76,7 @@ AnswerClass classify(const Frame& frame, std::uint16_t expected_type);
 /// What an error frame means and what to do about it, in words; works for 60000-60004 and 61001.
 std::string explain_error(const Frame& frame);
 
+/// The same for every repetition of a refusal, whatever time or counter its body carries: type and ret_code.
+std::string error_key(const Frame& frame);
+
 }  // namespace tacho::wire

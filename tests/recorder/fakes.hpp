@@ -1,8 +1,12 @@
 #pragma once
-// Twins of clock, link and sink: time is a number, the robot is a function, rows land in vectors.
+// Twins of clock, link and sink: time is a number, the robot is a function, rows land in vectors; and a poller among
+// them.
 
+#include <algorithm>
+#include <chrono>
 #include <functional>
-#include <map>
+#include <iterator>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,6 +14,7 @@
 #include "recorder/clock.hpp"
 #include "recorder/link/link.hpp"
 #include "recorder/poller.hpp"
+#include "tests/support/catch.hpp"
 
 namespace tacho::recorder::test {
 
@@ -115,5 +120,66 @@ class VectorSink final : public Sink {
   std::vector<Event> events;
   std::vector<WordOrder> orders;
 };
+
+/// One poller with its world.
+struct PollerBench {
+  FakeClock clock;
+  VectorSink sink;
+  FakeLink* link = nullptr;
+  std::unique_ptr<Poller> poller;
+
+  PollerBench(std::vector<PolledSource> sources, FakeLink::Robot robot, Micros spacing_us = 0,
+              std::chrono::milliseconds timeout = std::chrono::seconds(1)) {
+    PollerOptions options;
+    options.timeout = timeout;
+    options.robot = 1;
+    options.session = 1;
+    options.sources = std::move(sources);
+    options.spacing_us = spacing_us;
+    auto made = std::make_unique<FakeLink>(clock, std::move(robot));
+    link = made.get();
+    poller = std::make_unique<Poller>(std::move(options), std::move(made), clock, sink);
+  }
+
+  void run(Micros until) { poller->run(0, until); }
+
+  [[nodiscard]] std::vector<Gap> gaps(Source source, bool partial = false) const {
+    std::vector<Gap> out;
+    std::copy_if(sink.gaps.begin(), sink.gaps.end(), std::back_inserter(out),
+                 [&](const Gap& g) { return g.source == source && g.partial == partial; });
+    return out;
+  }
+  [[nodiscard]] std::size_t events(EventKind kind) const {
+    return static_cast<std::size_t>(
+        std::count_if(sink.events.begin(), sink.events.end(), [&](const Event& e) { return e.kind == kind; }));
+  }
+};
+
+/// Counts from the rows alone how often each poll number occurs; all must be once.
+inline void check_accounts(const PollerBench& bench) {
+  for (std::size_t s = 0; s < bench.poller->options().sources.size(); ++s) {
+    const Source source = bench.poller->options().sources[s].source;
+    const SourceCounters& counters = bench.poller->counters(s);
+    std::vector<int> seen(counters.planned.load(), 0);
+    std::uint64_t stored = 0;
+    std::uint64_t missed = 0;
+    for (const Answer& a : bench.sink.answers) {
+      if (a.meta.source == source) {
+        ++seen.at(a.meta.seq);
+        ++stored;
+      }
+    }
+    for (const Gap& g : bench.sink.gaps) {
+      for (std::uint64_t k = 0; g.source == source && !g.partial && k < g.seq_count; ++k) {
+        ++seen.at(g.seq_from + k);
+        ++missed;
+      }
+    }
+    CHECK(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
+    CHECK(stored == counters.stored.load());
+    CHECK(missed == counters.missed_total());
+    CHECK(stored + missed == counters.planned.load());
+  }
+}
 
 }  // namespace tacho::recorder::test

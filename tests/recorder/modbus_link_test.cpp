@@ -258,6 +258,54 @@ TEST_CASE("silence is a timeout that names the unit id, closes the connection, a
   CHECK(server.connections() == 2);
 }
 
+TEST_CASE("a range that is never answered is named, left out after three sweeps, and asked for again after a while") {
+  std::atomic<bool> silent{true};
+  for (const int address : {2, 135}) {  // of the first and of the last range
+    silent = true;
+    ModbusServer server([&](const Asked& a) {
+      const int refused = strict(a);
+      return refused == 0 && silent && a.function == 4 && a.holds(address) ? -1 : refused;
+    });
+    ModbusLinkOptions o = options(server.port());
+    o.relearn_us = 3'000'000;
+    ModbusLink link(o);
+    PollResult result;
+    int sweeps = 0;
+    for (; sweeps < 10 && result.detail.find("not asked again") == std::string::npos; ++sweeps) {
+      result = link.poll(Source::registers, 150ms);
+    }
+    INFO(address << ": " << result.detail);
+    CHECK(sweeps <= 4);  // when it is asked first, it takes one to ask it last
+    CHECK(result.ok);
+    CHECK(result.partial);
+    CHECK(result.cause == Cause::timeout);
+    CHECK(result.detail.find("no answer at [3x]") != std::string::npos);
+    for (int i = 0; i < 5; ++i) {
+      result = link.poll(Source::registers, kTimeout);
+      REQUIRE(result.ok);
+      CHECK_FALSE(result.partial);
+      CHECK(link.connected());
+    }
+    CHECK(link.poll(Source::inputs, kTimeout).ok);
+    silent = false;
+    std::this_thread::sleep_for(3'000ms);
+    result = link.poll(Source::registers, kTimeout);
+    CHECK(fields_of(result, Source::registers) == all_fields(false));
+  }
+}
+
+TEST_CASE("answers that are slow all together leave no range out") {
+  ModbusServer server([](const Asked& a) {
+    std::this_thread::sleep_for(60ms);
+    return strict(a);
+  });
+  ModbusLink link(options(server.port()));
+  for (int i = 0; i < 6; ++i) {
+    (void)link.poll(Source::registers, 150ms);  // never enough for the whole sweep
+  }
+  CHECK(fields_of(link.poll(Source::registers, kTimeout), Source::registers) == all_fields(false));
+}
+
 TEST_CASE("a sweep that dies half-way keeps what it has read and says what is missing") {
   std::atomic<int> mode{-1};
   ModbusServer server([&](const Asked& a) { return a.first > 100 ? mode.load() : 0; });

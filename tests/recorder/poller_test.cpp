@@ -12,66 +12,7 @@ using namespace tacho::recorder::test;
 
 namespace {
 
-/// One poller with its world.
-struct Bench {
-  FakeClock clock;
-  VectorSink sink;
-  FakeLink* link = nullptr;
-  std::unique_ptr<Poller> poller;
-
-  Bench(std::vector<PolledSource> sources, FakeLink::Robot robot, Micros spacing_us = 0,
-        std::chrono::milliseconds timeout = std::chrono::seconds(1)) {
-    PollerOptions options;
-    options.timeout = timeout;
-    options.robot = 1;
-    options.session = 1;
-    options.sources = std::move(sources);
-    options.spacing_us = spacing_us;
-    auto made = std::make_unique<FakeLink>(clock, std::move(robot));
-    link = made.get();
-    poller = std::make_unique<Poller>(std::move(options), std::move(made), clock, sink);
-  }
-
-  void run(Micros until) { poller->run(0, until); }
-
-  [[nodiscard]] std::vector<Gap> gaps(Source source, bool partial = false) const {
-    std::vector<Gap> out;
-    std::copy_if(sink.gaps.begin(), sink.gaps.end(), std::back_inserter(out),
-                 [&](const Gap& g) { return g.source == source && g.partial == partial; });
-    return out;
-  }
-  [[nodiscard]] std::size_t events(EventKind kind) const {
-    return static_cast<std::size_t>(
-        std::count_if(sink.events.begin(), sink.events.end(), [&](const Event& e) { return e.kind == kind; }));
-  }
-};
-
-/// Counts from the rows alone how often each poll number occurs; all must be once.
-void check_accounts(const Bench& bench) {
-  for (std::size_t s = 0; s < bench.poller->options().sources.size(); ++s) {
-    const Source source = bench.poller->options().sources[s].source;
-    const SourceCounters& counters = bench.poller->counters(s);
-    std::vector<int> seen(counters.planned.load(), 0);
-    std::uint64_t stored = 0;
-    std::uint64_t missed = 0;
-    for (const Answer& a : bench.sink.answers) {
-      if (a.meta.source == source) {
-        ++seen.at(a.meta.seq);
-        ++stored;
-      }
-    }
-    for (const Gap& g : bench.sink.gaps) {
-      for (std::uint64_t k = 0; g.source == source && !g.partial && k < g.seq_count; ++k) {
-        ++seen.at(g.seq_from + k);
-        ++missed;
-      }
-    }
-    CHECK(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
-    CHECK(stored == counters.stored.load());
-    CHECK(missed == counters.missed_total());
-    CHECK(stored + missed == counters.planned.load());
-  }
-}
+using Bench = PollerBench;
 
 Act good(Source, Micros) { return {}; }
 
@@ -305,6 +246,32 @@ TEST_CASE("a wall clock that jumps by a year disturbs neither schedule nor accou
   check_accounts(bench);
 }
 
+TEST_CASE("a gap during which the clock is set ends before it begins nowhere, and is as long as it was") {
+  for (const Micros step : {-kSecond * 3600, kSecond * 3600, -Micros{365} * 86'400 * kSecond}) {
+    for (const Micros at : {10 * kSecond, 14 * kSecond}) {  // before the outage, in the middle of it
+      bool jumped = false;
+      FakeClock* clock = nullptr;
+      Bench bench({{Source::status, kSecond, 0}}, [&](Source, Micros now) {
+        if (now >= at && !std::exchange(jumped, true)) {
+          clock->step_wall(step);
+        }
+        return Act{now < 12 * kSecond || now > 18 * kSecond, 1'000, Cause::closed, false, {}};
+      });
+      clock = &bench.clock;
+      bench.run(30 * kSecond);
+      INFO("step " << step << " at " << at);
+      Micros length_us = 0;
+      for (const Gap& gap : bench.gaps(Source::status)) {
+        CHECK(gap.t_from_us <= gap.t_to_us);
+        length_us += gap.t_to_us - gap.t_from_us;
+      }
+      CHECK(length_us >= 5 * kSecond);
+      CHECK(length_us <= 9 * kSecond);
+      check_accounts(bench);
+    }
+  }
+}
+
 TEST_CASE("law: whatever robot, network and queue do, stored plus missed is planned and every poll occurs once") {
   constexpr std::array kCauses{Cause::connect_refused, Cause::timeout,     Cause::closed,          Cause::malformed,
                                Cause::wrong_sequence,  Cause::error_frame, Cause::modbus_exception};
@@ -372,6 +339,20 @@ TEST_CASE("pushes are stored as they come, and one that does not come is missed"
   CHECK(gaps[0].seq_count == 2);
   CHECK(gaps[0].cause == Cause::timeout);
   CHECK(bench.events(EventKind::rate) == 0);
+}
+
+TEST_CASE("pushes that come faster than questions may be asked are stored as they come") {
+  Bench bench(
+      {{Source::push, 50'000, 0}},
+      [](Source, Micros now) {
+        Act act;
+        act.takes_us = 50'000 - now % 50'000;
+        return act;
+      },
+      100'000);
+  bench.run(10 * kSecond);
+  CHECK(bench.poller->counters(0).stored.load() >= 199);
+  check_accounts(bench);
 }
 
 TEST_CASE("a robot that pushes at a pace of its own is followed") {

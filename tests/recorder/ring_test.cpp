@@ -154,6 +154,20 @@ TEST_CASE("what a day may cost is the end of it until the next one, told once") 
   CHECK(bench.written.size() == before + 50);
 }
 
+TEST_CASE("a window that the day's budget cuts off says so, where it ends") {
+  Bench bench({10 * kSecond, 50 * kSecond, 1u << 20, 40'000});
+  bench.polls(0, 10 * kSecond);
+  bench.ring.trigger(kBlocked, "blocked", 10 * kSecond);
+  bench.polls(10 * kSecond, 60 * kSecond);
+  REQUIRE(bench.announced.size() == 2);
+  CHECK(bench.announced[1].kind == EventKind::ring_kept);
+  CHECK(bench.announced[1].subject == "blocked");
+  CHECK(bench.announced[1].new_value == "0");
+  CHECK(bench.announced[1].detail.find("cut off") != std::string::npos);
+  CHECK(bench.announced[1].seq == bench.written.size());
+  CHECK(bench.written.size() < 300);
+}
+
 TEST_CASE("a trigger of a robot without a ring, or of another one, opens nothing") {
   Bench bench;
   bench.polls(0, 10 * kSecond);

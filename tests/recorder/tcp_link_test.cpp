@@ -279,10 +279,14 @@ TEST_CASE("a good answer in between starts the count of strange connections agai
 }
 
 TEST_CASE("a standing refusal is words for every gap but one event, and leaves the connection open") {
+  // Real ones carry the time they were made at.
+  const auto refusal = [](const wire::FrameHeader& h) {
+    const std::string body = R"({"err_msg":"unknown","create_on":")" + std::to_string(h.sequence) + "\"}";
+    return wire::encode_frame(1, h.sequence, 60001, body);
+  };
   TinyServer server([&](Peer& peer, int) {
     for (wire::FrameHeader header = request(peer); header.type != 0; header = request(peer)) {
-      peer.write(header.type == 1013 ? wire::encode_frame(1, header.sequence, 60001, R"({"err_msg":"unknown"})")
-                                     : answer(header, "{}"));
+      peer.write(header.type == 1013 ? refusal(header) : answer(header, "{}"));
     }
   });
   TcpLink link = link_to(server.port());

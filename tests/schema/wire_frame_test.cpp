@@ -185,4 +185,22 @@ TEST_CASE("the words of a robot are cut and never leave invalid text in a messag
   const std::string text = explain_error(only_frame(encode_frame(1, 1, 60002, std::string(5000, '\xFF'))));
   CHECK(text.size() < 600);
   CHECK(text.find('\xFF') == std::string::npos);
+  // A cut in the middle of a character costs that character and no other.
+  for (std::size_t shift = 0; shift < 3; ++shift) {
+    std::string words(shift, 'a');
+    while (words.size() < 5000) {
+      words += "障";
+    }
+    CHECK(explain_error(only_frame(encode_frame(1, 1, 60002, words))).find("障障障...") != std::string::npos);
+  }
+}
+
+TEST_CASE("a refusal that repeats is known again, whatever else its body says", "[wire]") {
+  const auto key = [](std::uint16_t type, std::string_view body) {
+    return error_key(only_frame(encode_frame(1, 1, type, body)));
+  };
+  CHECK(key(60001, R"({"ret_code":40001,"create_on":"1"})") == key(60001, R"({"ret_code":40001,"create_on":"2"})"));
+  CHECK(key(60001, R"({"ret_code":40001})") != key(60001, R"({"ret_code":40002})"));
+  CHECK(key(60001, "") != key(60002, ""));
+  CHECK(key(60001, "x") == key(60001, "y"));
 }

@@ -1,0 +1,91 @@
+// One source of a connection is not answered, others are: what that costs, in virtual time.
+
+#include <random>
+
+#include "recorder/poller.hpp"
+#include "tests/recorder/fakes.hpp"
+#include "tests/support/catch.hpp"
+
+using namespace tacho;
+using namespace tacho::recorder;
+using namespace tacho::recorder::test;
+
+namespace {
+
+constexpr Micros kMinute = 60 * kSecond;
+
+/// Silence as links tell it: the whole timeout, and the connection is closed.
+Act silent() { return Act{false, kSecond, Cause::timeout, false, {}}; }
+
+}  // namespace
+
+TEST_CASE("a source that is never answered costs the others its few tries, and the connection is up") {
+  for (const Cause cause : {Cause::timeout, Cause::closed, Cause::malformed}) {
+    PollerBench bench({{Source::status, 200'000, 0}, {Source::io, 500'000, 100'000}}, [&](Source source, Micros) {
+      return source == Source::status ? Act{} : Act{false, cause == Cause::timeout ? kSecond : 5'000, cause, false, {}};
+    });
+    bench.run(10 * kMinute);
+    INFO(cause_name(cause));
+    check_accounts(bench);
+    const SourceCounters& status = bench.poller->counters(0);
+    CHECK(status.planned.load() - status.stored.load() < status.planned.load() / 20);  // 26 tries of 5 polls
+    CHECK(bench.poller->counters(1).stored.load() == 0);
+    CHECK(bench.poller->counters(1).missed[static_cast<std::size_t>(cause)] > 1000);
+    CHECK(bench.events(EventKind::link_down) == 0);
+    CHECK(bench.events(EventKind::link_up) == 1);
+  }
+}
+
+TEST_CASE("a source that is answered again is heard within half a minute, and asked as planned from then on") {
+  const Micros back = 20 * kMinute;
+  PollerBench bench({{Source::status, kSecond, 0}, {Source::io, 500'000, 250'000}}, [&](Source source, Micros now) {
+    return source == Source::status || now >= back ? Act{} : silent();
+  });
+  bench.run(back + kMinute);
+  const auto first = std::find_if(bench.sink.answers.begin(), bench.sink.answers.end(),
+                                  [](const Answer& a) { return a.meta.source == Source::io; });
+  REQUIRE(first != bench.sink.answers.end());
+  CHECK(first->meta.t_send_us - kWallStart - back <= 30 * kSecond);
+  const Micros left = back + kMinute - (first->meta.t_send_us - kWallStart);
+  CHECK(static_cast<Micros>(bench.poller->counters(1).stored.load()) >= left / 500'000);
+  check_accounts(bench);
+}
+
+TEST_CASE(
+    "law: a robot with several sources that goes and comes back is down, and heard within a second of its return") {
+  std::mt19937 random(5);
+  const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+  for (int run = 0; run < 300; ++run) {
+    const Micros often = between(50'000, 400'000);
+    const Micros seldom = between(1, 40) * often;
+    const Micros back = 10 * kSecond + between(5 * kSecond, 300 * kSecond);
+    // What asking takes while the robot is away: the try that is going on when it returns is lost, too.
+    const Micros takes = between(0, 1) == 0 ? between(0, 5'000) : 400'000;
+    PollerBench bench({{Source::status, often, 0}, {Source::io, seldom, seldom / 3}}, [&](Source, Micros now) {
+      return now < 10 * kSecond || now >= back ? Act{} : Act{false, takes, Cause::timeout, false, {}};
+    });
+    bench.run(back + 5 * kSecond);
+    const auto first = std::find_if(bench.sink.answers.begin(), bench.sink.answers.end(),
+                                    [&](const Answer& a) { return a.meta.t_send_us - kWallStart >= back; });
+    INFO("run " << run << ": " << often << " and " << seldom << " us, " << takes << " us a try");
+    REQUIRE(first != bench.sink.answers.end());
+    CHECK(first->meta.t_recv_us - kWallStart - back <= kSecond);
+    CHECK(bench.events(EventKind::link_down) == 1);
+    CHECK(bench.events(EventKind::link_up) == 2);
+    check_accounts(bench);
+  }
+}
+
+TEST_CASE("of a robot whose slow source alone is answered, the quick one is soon asked seldom, and the link stays up") {
+  PollerBench bench({{Source::status, 10 * kSecond, 0}, {Source::io, 500'000, 250'000}},
+                    [](Source source, Micros) { return source == Source::status ? Act{} : silent(); });
+  bench.run(30 * kMinute);
+  CHECK(bench.poller->counters(0).missed_total() <= 2);
+  const auto downs = [&](Micros from) {
+    return std::count_if(bench.sink.events.begin(), bench.sink.events.end(),
+                         [&](const Event& e) { return e.kind == EventKind::link_down && e.t_us - kWallStart >= from; });
+  };
+  CHECK(downs(0) <= 12);
+  CHECK(downs(3 * kMinute) == 0);
+  check_accounts(bench);
+}
