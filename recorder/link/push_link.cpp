@@ -42,8 +42,9 @@ PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   }
   result.cause = socket_.interrupted() ? Cause::shutdown : failure.cause;
   result.detail = std::move(failure.detail);
-  // Half a push that has grown may just be cut by this deadline; one that stands still is none.
-  const bool sound = decoder_.buffered() == 0 || decoder_.buffered() > had;
+  // Half a push may just be cut by this deadline. One that is cut by the next one as well is out of step: it would grow
+  // for ever.
+  const bool sound = decoder_.buffered() == 0 || had == 0;
   const bool quiet = failure.cause == Cause::timeout && sound && socket_.connected();
   if (!quiet || mono_now_us() - silent_since_us_ > kLongestSilence) {
     close();
