@@ -1,12 +1,13 @@
-// Whole programs as a user runs them: one JSON object per line. Usage: program_bench report|recorder|dead [ROBOTS]
+// Whole programs as a user runs them: one JSON object per line.
+// Usage: program_bench report | recorder [ROBOTS] | dead [MINUTES]
 //
 // report: `tacho-analyzer report` on 30 simulated days at 0.1 Hz, three times, medians.
 // recorder: `tacho-recorder run` on simulated robots (100 unless said otherwise), each with 1100 at 1 Hz, 1013 at 2 Hz,
 // registers and inputs at 5 Hz. Processor time and memory of 20 s, after 5 s in which everything is connected. The
 // robots are served by this process, so what they cost is not in the figures, but they compete for the same cores.
-// dead: 32 robots of which 16 are silent, refuse, drip or are late, for a minute; of the others, how far after their
-// time requests were sent, and how much later at the end than at the beginning. A schedule begins where its earliest
-// request was.
+// dead: 32 robots of which 16 are silent, refuse, drip or are late, for a minute or as many as given; of the others,
+// how far after their time requests were sent, and how much later at the end than at the beginning. A schedule begins
+// where its earliest request was.
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -25,6 +26,7 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -41,7 +43,7 @@ using std::chrono::steady_clock;
 constexpr auto kWarmUp = std::chrono::seconds(5);
 constexpr auto kMeasured = std::chrono::seconds(20);
 
-void print(const std::string& name, double value, const char* unit, const char* goal = "") {
+void print(const std::string& name, double value, std::string_view unit, std::string_view goal = "") {
   fmt::print("{{\"name\":\"{}\",\"value\":{:.4g},\"unit\":\"{}\"{}}}\n", name, value, unit, goal);
   std::fflush(stdout);
 }
@@ -197,7 +199,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-bool bench_dead(const fs::path& dir) {
+bool bench_dead(const fs::path& dir, int minutes) {
   constexpr int kRobots = 32;
   constexpr std::array kFaults{"silence", "refuse", "slow_drip", "late"};
   std::vector<sim::ServedRobot> served = served_robots(kRobots);
@@ -206,7 +208,7 @@ bool bench_dead(const fs::path& dir) {
   }
   const sim::Server server(served, {});
   const pid_t pid = start_recorder(server, served.size(), dir);
-  std::this_thread::sleep_for(kWarmUp + 3 * kMeasured);
+  std::this_thread::sleep_for(std::chrono::minutes(minutes));
   kill(pid, SIGTERM);
   if (!wait_for(pid).ok) {
     return false;
@@ -231,7 +233,7 @@ bool bench_dead(const fs::path& dir) {
   std::sort(all.begin(), all.end());
   print("recorder/jitter_p99_16_of_32_dead", all[all.size() * 99 / 100], "ms", ",\"limit\":2,\"better\":\"lower\"");
   print("recorder/jitter_p50_16_of_32_dead", all[all.size() / 2], "ms");
-  print("recorder/drift_16_of_32_dead", drift, "ms in a minute, of the worst stream");
+  print("recorder/drift_16_of_32_dead", drift, fmt::format("ms in {} min, of the worst stream", minutes));
   print("recorder/missed_by_healthy_16_of_32_dead", static_cast<double>(missed), "polls");
   return true;
 }
@@ -270,15 +272,15 @@ bool bench_recorder(const fs::path& dir, int robots) {
 
 int main(int argc, char** argv) {
   const std::string what = argc > 1 ? argv[1] : "";
-  const int robots = argc > 2 ? std::stoi(argv[2]) : 100;
+  const int number = argc > 2 ? std::stoi(argv[2]) : what == "dead" ? 1 : 100;
   std::string folder = (fs::temp_directory_path() / "tacho-bench-XXXXXX").string();
-  if ((what != "report" && what != "recorder" && what != "dead") || robots < 1 || mkdtemp(folder.data()) == nullptr) {
-    fmt::print(stderr, "usage: program_bench report|recorder|dead [ROBOTS]\n");
+  if ((what != "report" && what != "recorder" && what != "dead") || number < 1 || mkdtemp(folder.data()) == nullptr) {
+    fmt::print(stderr, "usage: program_bench report | recorder [ROBOTS] | dead [MINUTES]\n");
     return 2;
   }
   const bool ok = what == "report" ? bench_report(folder)
-                  : what == "dead" ? bench_dead(folder)
-                                   : bench_recorder(folder, robots);
+                  : what == "dead" ? bench_dead(folder, number)
+                                   : bench_recorder(folder, number);
   if (!ok) {
     std::ifstream printed(fs::path(folder) / "printed");
     fmt::print(stderr, "program_bench: error: the program failed\n{}",
