@@ -18,10 +18,24 @@ enum class Lasts : std::uint8_t {
   for_good,      ///< ... only after it has ended
 };
 
-/// Small, but it creates a log, changes the part and ends a session.
+/// What is recorded: `commits` times so many polls.
+struct Shape {
+  int commits;
+  int polls;
+  Micros period_us;
+  Micros t0_us;
+  std::uint64_t part_bytes;
+};
+
+/// Small, but it creates a log, changes the part (at midnight) and ends a session.
+const Shape kPartChanges{6, 2, kSecond, kT0 + kDay - 6 * kSecond, workload_options().part_bytes};
+/// Long enough for rows to be moved into blocks while it records.
+const Shape kRowsMove{12, 70, 3 * kSecond, kT0, 1u << 20};
+
 class Scenario {
  public:
-  Scenario(const fs::path& folder, FaultyDisk& disk, Lasts lasts) : folder_(folder), disk_(&disk), lasts_(lasts) {}
+  Scenario(const fs::path& folder, FaultyDisk& disk, Lasts lasts, const Shape& shape)
+      : folder_(folder), disk_(&disk), lasts_(lasts), shape_(shape) {}
 
   /// False when the disk never let it finish.
   bool run() {
@@ -29,29 +43,39 @@ class Scenario {
     if (!tried([&] { work.emplace(folder_, ledger_, options()); }) || !begun(*work)) {
       return false;
     }
-    for (int i = 0; i < 6; ++i) {
-      if (i == 4 && lasts_ == Lasts::until_healed) {
+    for (int i = 0; i < shape_.commits; ++i) {
+      if (i == shape_.commits * 2 / 3 && lasts_ == Lasts::until_healed) {
         disk_->heal();
       }
-      tried_once([&] { work->poll(); });
-      tried_once([&] { work->poll(); });
+      for (int poll = 0; poll < shape_.polls; ++poll) {
+        tried_once([&] { work->poll(); });
+      }
       tried_once([&] { work->commit(); });
     }
+    blocks_ = blocks_now();
     return tried([&] { work->end(); });
   }
   [[nodiscard]] const Ledger& ledger() const { return ledger_; }
+  /// In the newest part before the session ended.
+  [[nodiscard]] std::int64_t blocks() const { return blocks_; }
   /// What was thrown that is no Error; "" when nothing was.
   [[nodiscard]] const std::string& alien() const { return alien_; }
 
  private:
-  static store::WriterOptions options() {
+  [[nodiscard]] store::WriterOptions options() const {
     store::WriterOptions out = workload_options();
-    out.part_per_day = true;
+    out.part_bytes = shape_.part_bytes;
     return out;
   }
-  /// From before midnight, so that the day and with it the part changes.
+  [[nodiscard]] std::int64_t blocks_now() const {
+    try {
+      return store::Connection(part_files(folder_).back(), store::OpenMode::read).integer("SELECT count(*) FROM block");
+    } catch (const Error&) {
+      return 0;  // not on this disk
+    }
+  }
   bool begun(Workload& work) {
-    return tried([&] { work.begin(kT0 + kDay - 6 * kSecond); });
+    return tried([&] { work.begin(shape_.t0_us, shape_.period_us); });
   }
   bool tried_once(const std::function<void()>& step) {
     try {
@@ -77,6 +101,8 @@ class Scenario {
   fs::path folder_;
   FaultyDisk* disk_;
   Lasts lasts_;
+  const Shape& shape_;
+  std::int64_t blocks_ = 0;
   Ledger ledger_;
   std::string alien_;
 };
@@ -86,11 +112,11 @@ const char* name_of(FaultKind kind) {
 }
 
 /// Runs the scenario with one fault and requires all promises; true when the fault struck.
-bool survives(FaultKind kind, Lasts lasts, std::uint64_t call) {
+bool survives(FaultKind kind, Lasts lasts, std::uint64_t call, const Shape& shape) {
   TempDir dir(memory_folder());
   FaultyDisk disk(dir / "log");
   disk.inject({kind, call, lasts != Lasts::once});
-  Scenario scenario(dir / "log", disk, lasts);
+  Scenario scenario(dir / "log", disk, lasts, shape);
   const bool finished = scenario.run();
   const bool struck = disk.struck();
   disk.heal();
@@ -106,12 +132,14 @@ bool survives(FaultKind kind, Lasts lasts, std::uint64_t call) {
 }
 
 /// The calls of the scenario on a disk that works.
-std::vector<Call> calls() {
+std::vector<Call> calls(const Shape& shape) {
   TempDir dir(memory_folder());
   FaultyDisk disk(dir / "log");
   std::vector<Call> all;
   disk.before_each_call([&](Call call) { all.push_back(call); });
-  CHECK(Scenario(dir / "log", disk, Lasts::once).run());
+  Scenario scenario(dir / "log", disk, Lasts::once, shape);
+  CHECK(scenario.run());
+  CHECK((scenario.blocks() > 0) == (&shape == &kRowsMove));
   return all;
 }
 
@@ -125,15 +153,15 @@ bool stands_for_others(const std::vector<Call>& all, std::uint64_t call) {
   return !writes(call) || !writes(call - 1) || !writes(call + 1) || call % 8 == 0;
 }
 
-void fail_everywhere(FaultKind kind, Lasts lasts) {
-  const std::vector<Call> all = calls();
+void fail_everywhere(FaultKind kind, Lasts lasts, const Shape& shape = kPartChanges) {
+  const std::vector<Call> all = calls(shape);
   CHECK(all.size() > 100);
   for (std::uint64_t call = 0; call < all.size(); ++call) {
     // Other calls than writes know no difference between a short write and a full disk.
     if ((kind == FaultKind::short_write && all[call] != Call::write) || !stands_for_others(all, call)) {
       continue;
     }
-    if (!survives(kind, lasts, call)) {
+    if (!survives(kind, lasts, call, shape)) {
       // The disk worked again before this call; or, how long packing may take being a matter of time, there was none.
       REQUIRE((lasts == Lasts::until_healed || call > all.size() / 4 * 3));
       break;
@@ -157,6 +185,12 @@ TEST_CASE("whenever the disk fails for good, the next start on a healthy disk fi
   for (const FaultKind kind : {FaultKind::no_space, FaultKind::io_error, FaultKind::short_write}) {
     fail_everywhere(kind, Lasts::for_good);
   }
+}
+
+TEST_CASE("while rows move into blocks the disk may fail as well") {
+  fail_everywhere(FaultKind::io_error, Lasts::once, kRowsMove);
+  fail_everywhere(FaultKind::no_space, Lasts::until_healed, kRowsMove);
+  fail_everywhere(FaultKind::short_write, Lasts::for_good, kRowsMove);
 }
 
 TEST_CASE("answers that wait in memory when the disk fails are lost together, up to the commit, and no others") {

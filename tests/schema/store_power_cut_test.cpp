@@ -25,8 +25,9 @@ struct Cut {
 /// Records one session on a disk that may lose power at each of its calls, and returns some of those moments.
 class Round {
  public:
-  Round(const fs::path& folder, const Ledger& before, std::mt19937& random)
-      : folder_(folder), ledger_(before), random_(&random) {}
+  /// `moves`: so many polls in one part that rows are moved into blocks meanwhile.
+  Round(const fs::path& folder, const Ledger& before, bool moves, std::mt19937& random)
+      : folder_(folder), ledger_(before), moves_(moves), random_(&random) {}
 
   std::vector<Cut> record(Micros t0_us, bool ends) {
     FaultyDisk disk(folder_);
@@ -37,18 +38,23 @@ class Round {
     });
     doing_ = "opening";
     one_in_ = 12;
-    Workload work(folder_, ledger_);
+    store::WriterOptions options = workload_options();
+    options.part_bytes = moves_ ? 1u << 20 : options.part_bytes;
+    Workload work(folder_, ledger_, options);
     doing_ = "beginning";
     work.begin(t0_us, 60 * kSecond);
     doing_ = "recording";
     one_in_ = 40;
     const auto commits = 20 + (*random_)() % 60;
+    const unsigned most = moves_ ? 40 : 3;
     for (auto i = commits; i > 0; --i) {
-      for (auto polls = 1 + (*random_)() % 3; polls > 0; --polls) {
+      for (auto polls = 1 + (*random_)() % most; polls > 0; --polls) {
         work.poll();
       }
       work.commit();
     }
+    store::Connection part(part_files(folder_).back(), store::OpenMode::read);
+    moved_ = part.integer("SELECT count(*) FROM block") > 0;
     doing_ = "ending";
     one_in_ = 8;
     if (ends) {
@@ -57,9 +63,14 @@ class Round {
     return std::move(cuts_);
   }
 
+  /// Rows were moved into blocks while it recorded.
+  [[nodiscard]] bool moved() const { return moved_; }
+
  private:
   fs::path folder_;
   Ledger ledger_;
+  bool moves_;
+  bool moved_ = false;
   std::mt19937* random_;
   std::vector<Cut> cuts_;
   std::string doing_;
@@ -99,12 +110,14 @@ TEST_CASE("after a power cut at any moment every acknowledged answer is there an
   TempDir dir(memory_folder());
   int cuts = 0;
   int logs = 0;
+  int moved = 0;
   while (cuts < wanted) {
     const fs::path folder = dir / ("log" + std::to_string(++logs));
     Ledger ledger;
     for (int round = 0; round < kRoundsPerLog && cuts < wanted; ++round) {
-      Round recording(folder, ledger, random);
+      Round recording(folder, ledger, logs % 3 == 0, random);
       const std::vector<Cut> taken = recording.record(kT0 + (round * 2 + 1) * kDay - kAnHour, round % 2 == 0);
+      moved += recording.moved() ? 1 : 0;
       for (const Cut& cut : taken) {
         INFO("log " << logs << ", round " << round << ", while " << cut.where);
         REQUIRE(fault_of(cut, dir / "cut") == "");
@@ -118,4 +131,5 @@ TEST_CASE("after a power cut at any moment every acknowledged answer is there an
     fs::remove_all(folder);
   }
   CHECK(cuts >= wanted);
+  CHECK(moved >= logs / 6);
 }
