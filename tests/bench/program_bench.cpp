@@ -1,5 +1,5 @@
 // Whole programs as a user runs them: one JSON object per line.
-// Usage: program_bench report | recorder [ROBOTS] | dead [MINUTES]
+// Usage: program_bench report | recorder [ROBOTS] | dead [MINUTES] | kill [KILLS]
 //
 // report: `tacho-analyzer report` on 30 simulated days at 0.1 Hz, three times, medians.
 // recorder: `tacho-recorder run` on simulated robots (100 unless said otherwise), each with 1100 at 1 Hz, 1013 at 2 Hz,
@@ -8,6 +8,8 @@
 // dead: 32 robots of which 16 are silent, refuse, drip or are late, for a minute or as many as given; of the others,
 // how far after their time requests were sent, and how much later at the end than at the beginning. A schedule begins
 // where its earliest request was.
+// kill: a recorder of eight robots that commits every second and is killed (20 times unless said otherwise): how much
+// older than the kill the newest answer in the log is. One comes every 25 ms.
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -24,6 +26,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <random>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -33,12 +36,14 @@
 #include "samples/simulator/serve.hpp"
 #include "samples/simulator/write.hpp"
 #include "schema/log.hpp"
+#include "schema/time.hpp"
 
 namespace {
 
 using namespace tacho;
 namespace fs = std::filesystem;
 using std::chrono::steady_clock;
+using namespace std::chrono_literals;
 
 constexpr auto kWarmUp = std::chrono::seconds(5);
 constexpr auto kMeasured = std::chrono::seconds(20);
@@ -238,6 +243,30 @@ bool bench_dead(const fs::path& dir, int minutes) {
   return true;
 }
 
+bool bench_kill(const fs::path& dir, int kills) {
+  constexpr int kRobots = 8;
+  const sim::Server server(served_robots(kRobots), {});
+  std::mt19937 random(1);
+  std::vector<double> missing;
+  for (int i = 0; i < kills; ++i) {
+    const pid_t pid = start_recorder(server, kRobots, dir);  // into the same log
+    std::this_thread::sleep_for(2500ms + std::chrono::microseconds(random() % 1'000'000));
+    const Micros killed_us = wall_now_us();
+    kill(pid, SIGKILL);
+    wait_for(pid);
+    const std::vector<fs::path> paths{dir / "live"};
+    Micros newest_us = 0;
+    for (const Coverage& c : open_log(paths)->coverage()) {
+      newest_us = std::max(newest_us, c.last_us);
+    }
+    missing.push_back(static_cast<double>(killed_us - newest_us) / 1e3);
+  }
+  std::sort(missing.begin(), missing.end());
+  print("recorder/missing_after_kill_most", missing.back(), "ms", ",\"limit\":1100,\"better\":\"lower\"");
+  print("recorder/missing_after_kill_p50", missing[missing.size() / 2], "ms");
+  return true;
+}
+
 bool bench_recorder(const fs::path& dir, int robots) {
   const std::vector<sim::ServedRobot> served = served_robots(robots);
   const sim::Server server(served, {});
@@ -271,16 +300,23 @@ bool bench_recorder(const fs::path& dir, int robots) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string what = argc > 1 ? argv[1] : "";
-  const int number = argc > 2 ? std::stoi(argv[2]) : what == "dead" ? 1 : 100;
+  struct Bench {
+    int usual;  // number
+    bool (*run)(const fs::path&, int number);
+  };
+  const std::map<std::string, Bench> benches{
+      {"report", {1, [](const fs::path& dir, int) { return bench_report(dir); }}},
+      {"recorder", {100, bench_recorder}},
+      {"dead", {1, bench_dead}},
+      {"kill", {20, bench_kill}}};
+  const auto bench = benches.find(argc > 1 ? argv[1] : "");
+  const int number = argc > 2 ? std::stoi(argv[2]) : bench != benches.end() ? bench->second.usual : 0;
   std::string folder = (fs::temp_directory_path() / "tacho-bench-XXXXXX").string();
-  if ((what != "report" && what != "recorder" && what != "dead") || number < 1 || mkdtemp(folder.data()) == nullptr) {
-    fmt::print(stderr, "usage: program_bench report | recorder [ROBOTS] | dead [MINUTES]\n");
+  if (bench == benches.end() || number < 1 || mkdtemp(folder.data()) == nullptr) {
+    fmt::print(stderr, "usage: program_bench report | recorder [ROBOTS] | dead [MINUTES] | kill [KILLS]\n");
     return 2;
   }
-  const bool ok = what == "report" ? bench_report(folder)
-                  : what == "dead" ? bench_dead(folder, number)
-                                   : bench_recorder(folder, number);
+  const bool ok = bench->second.run(folder, number);
   if (!ok) {
     std::ifstream printed(fs::path(folder) / "printed");
     fmt::print(stderr, "program_bench: error: the program failed\n{}",

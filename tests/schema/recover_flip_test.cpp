@@ -70,7 +70,7 @@ bool verify_names(const fs::path& folder) {
     const auto log = open_log(std::vector<fs::path>{folder});
     const Survey found = survey(dynamic_cast<store::LogReader&>(*log));
     const std::vector<ReadProblem> problems = log->problems();
-    return !found.wrong_summaries.empty() || found.wrong_rollups > 0 ||
+    return !found.wrong_summaries.empty() || found.wrong_rollups > 0 || found.wrong_hours > 0 ||
            std::any_of(problems.begin(), problems.end(), [](const ReadProblem& p) { return !p.beside; }) ||
            std::any_of(found.streams.begin(), found.streams.end(), [](const auto& entry) {
              const StreamSurvey& s = entry.second;
@@ -232,7 +232,7 @@ TEST_CASE(
     "and says what is missing") {
   TempDir dir(memory_folder());
   const fs::path part = write_closed_part(dir / "log", 2, kPolls);
-  for (const char* table : {"block", "gap", "event", "clock", "rollup", "summary"}) {
+  for (const char* table : {"block", "gap", "event", "clock", "rollup", "summary", "manifest"}) {
     INFO(table);
     CHECK(rows_in(part, table) > 0);
   }

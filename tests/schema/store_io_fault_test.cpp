@@ -163,7 +163,7 @@ void fail_everywhere(FaultKind kind, Lasts lasts, const Shape& shape = kPartChan
     }
     if (!survives(kind, lasts, call, shape)) {
       // The disk worked again before this call; or, how long packing may take being a matter of time, there was none.
-      REQUIRE((lasts == Lasts::until_healed || call > all.size() / 4 * 3));
+      REQUIRE(call > (lasts == Lasts::until_healed ? all.size() / 3 : all.size() / 4 * 3));
       break;
     }
   }
