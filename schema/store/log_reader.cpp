@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
@@ -51,6 +52,9 @@ std::vector<fs::path> candidates(std::span<const fs::path> logs) {
   return files;
 }
 
+// Of the inputs before a window: so much later one has come, or there is a gap row.
+constexpr Micros kLeadPeriods = 3;
+constexpr Micros kLeadUs = 5'000'000;
 constexpr std::size_t kMostAbsent = 1000;  // a damaged number may lie anywhere
 
 std::optional<Event> last_removal_in(const fs::path& part) {
@@ -107,6 +111,7 @@ struct LogReader::Impl {
   void drop_copies();
   void merge_heads();
   void merge_coverage();
+  void lead_in(RobotId robot, Window window, InputGates& gates);
   PartReader reader(const PartHead& head, Access how = Access::careful);
   PartReader& kept_reader(const PartHead& head);
 
@@ -410,6 +415,38 @@ std::vector<LogReader::PartInfo> LogReader::parts() const {
   return out;
 }
 
+/// Lets the gates know the inputs of the time before a window, on which the first registers in it depend.
+void LogReader::Impl::lead_in(RobotId robot, Window window, InputGates& gates) {
+  Micros lead_us = 0;
+  for (const auto& [key, stream] : streams) {
+    const bool inputs = key.robot == robot && key.source == Source::inputs;
+    lead_us = inputs ? std::max(lead_us, kLeadPeriods * stream.period_us + kLeadUs) : lead_us;
+  }
+  if (gates.flags().none() || lead_us == 0 || window.from_us < Window{}.from_us + lead_us) {
+    return;
+  }
+  const Window before{window.from_us - lead_us, window.from_us};
+  ColumnQuery query{{robot, {}, before}, {}, &decoders, &blocks, {}, {}, {}};
+  query.answers.sources[static_cast<std::size_t>(Source::inputs)] = true;
+  query.wanted[static_cast<std::size_t>(Source::inputs)] = gates.flags();
+  query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return stream_of(meta); };
+  each_part([&](const PartHead& head) {
+    if (!PartReader::has_answers(head, query.answers)) {
+      return;
+    }
+    PartReader& part = kept_reader(head);
+    const PartReader::Transaction reading(part);
+    const std::vector<Gap> gap_rows = part.gaps(robot, before);
+    gates.begin_part(gap_rows);
+    part.columns(query, [&](ColumnScan& scan) {
+      for (Chunk chunk; scan.next(Source::inputs, std::numeric_limits<std::int64_t>::max(), chunk);) {
+        gates.inputs(chunk.session, chunk.batch, chunk.place, 0, chunk.place.size());
+      }
+    });
+    gates.catch_up();
+  });
+}
+
 void LogReader::read(RobotId robot, Window window, const Selection& selection,
                      const std::function<void(const Slice&)>& yield) {
   InputGates gates(selection.fields[static_cast<std::size_t>(Source::registers)]);
@@ -419,6 +456,7 @@ void LogReader::read(RobotId robot, Window window, const Selection& selection,
     query.answers.sources[s] = query.answers.sources[s] || query.wanted[s].any();
   }
   query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return impl_->stream_of(meta); };
+  impl_->lead_in(robot, window, gates);
   Slicer slicer(robot, selection, gates, yield);
   const bool records = selection.records || gates.needed();
   impl_->each_part([&](const PartHead& head) {

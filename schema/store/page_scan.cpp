@@ -18,7 +18,7 @@ namespace tacho::store {
 namespace {
 
 // The first is what parts are made with: it wins where a file is too short to tell.
-constexpr std::array<std::uint32_t, 8> kPageSizes{4096, 512, 1024, 2048, 8192, 16384, 32768, 65536};
+constexpr std::array<std::uint32_t, 8> kPageSizes{1024, 4096, 512, 2048, 8192, 16384, 32768, 65536};
 constexpr std::size_t kChunk = 65536;
 constexpr std::uint64_t kChunksForPageSize = 1024;  // 64 MiB say it clearly enough
 constexpr unsigned char kIndexLeaf = 0x0A;

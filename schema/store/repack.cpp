@@ -64,7 +64,7 @@ void keep_others(Connection& connection, const std::vector<std::int64_t>& gone) 
 
 void add(HotLedger::Sums& to, const HotLedger::Sums& sums) {
   to.first_us = to.answers == 0 ? sums.first_us : std::min(to.first_us, sums.first_us);
-  to.last_us = to.answers == 0 ? sums.last_us : std::max(to.last_us, sums.last_us);
+  to.last_us = sums.last_us;  // not the latest: the clock may have been set back
   to.answers += sums.answers;
   to.bytes += sums.bytes;
   to.stored += sums.stored;
@@ -72,7 +72,7 @@ void add(HotLedger::Sums& to, const HotLedger::Sums& sums) {
 
 /// Those that were summed up are the oldest.
 void take(HotLedger::Sums& from, const HotLedger::Sums& sums) {
-  from.first_us = std::max(from.first_us, sums.last_us);
+  from.first_us = std::min(sums.last_us, from.last_us);
   from.answers -= sums.answers;
   from.bytes -= sums.bytes;
   from.stored -= sums.stored;

@@ -27,7 +27,7 @@ class HotLedger {
     std::uint64_t bytes = 0;   ///< of the bodies as received
     std::uint64_t stored = 0;  ///< in the part
     Micros first_us = 0;
-    Micros last_us = 0;
+    Micros last_us = 0;  ///< of the row that was added last
   };
   /// `stored`: bytes of the row's data.
   static Sums sums_of(const std::vector<HotMark>& marks, std::uint64_t stored);

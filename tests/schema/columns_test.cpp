@@ -329,6 +329,37 @@ TEST_CASE("flags of the inputs gate registers that are read as columns") {
   CHECK(states[State::not_meaningful] > 0);
 }
 
+TEST_CASE("law: a window reads its rows as the whole log does, whatever inputs before it say") {
+  Selection selection;
+  selection.add(Source::registers, field("block_reason"));
+  const auto log = open_log(std::vector<fs::path>{simulated_log()});
+  const auto read = [&](Window window) {
+    std::vector<std::pair<Micros, State>> out;
+    log->read(1, window, selection, [&](const Slice& slice) {
+      const Batch& batch = *slice.find(Source::registers);
+      for (std::size_t row = 0; row < batch.rows(); ++row) {
+        out.emplace_back(batch.t_send_us[row], batch.columns.front().state[row]);
+      }
+    });
+    return out;
+  };
+  const std::vector<std::pair<Micros, State>> all = read({});
+  const auto meaning =
+      std::find_if(all.begin(), all.end(), [](const auto& row) { return row.second == State::present; });
+  REQUIRE(meaning != all.end());
+  Dice dice(5);
+  for (int round = 0; round < 40; ++round) {
+    // Half of them begin where the robot is blocked.
+    const Micros from = round % 2 == 0 ? all[dice.below(all.size())].first : meaning->first + round * kSecond / 8;
+    const Window window{from, from + static_cast<Micros>(dice.below(600)) * kSecond};
+    std::vector<std::pair<Micros, State>> expected;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(expected),
+                 [&](const auto& row) { return window.contains(row.first); });
+    INFO("round " << round);
+    CHECK(read(window) == expected);
+  }
+}
+
 TEST_CASE("odd answers read the same as columns and row by row") {
   for (const unsigned seed : {1U, 2U, 3U}) {
     TempDir dir;

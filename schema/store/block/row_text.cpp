@@ -61,20 +61,18 @@ void RowText::prepare(const ShapeTable& table, const Shape& shape, ShapePart par
 
 bool RowText::append(std::size_t shape, std::string& out) {
   const Recipe& recipe = recipes_[shape];
-  if (recipe.wanted && recipe.complete) {
-    for (const Step& step : recipe.steps) {
-      out += step.before;
-      loaded_[step.column]->append(next_[step.column], out);
-      if (out.size() > kMaxBodyBytes) {
-        return false;
-      }
+  const bool known = recipe.wanted && recipe.complete;
+  if (known) {
+    for (auto step = recipe.steps.begin(); step != recipe.steps.end() && out.size() <= kMaxBodyBytes; ++step) {
+      out += step->before;
+      loaded_[step->column]->append(next_[step->column], out);
     }
     out += recipe.tail;
   }
   for (const std::uint32_t column : recipe.columns) {
-    ++next_[column];
+    ++next_[column];  // also of a row that is too long: the next one has the next values
   }
-  return recipe.wanted && recipe.complete;
+  return known && out.size() <= kMaxBodyBytes;
 }
 
 }  // namespace tacho::store

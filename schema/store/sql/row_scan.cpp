@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "schema/error.hpp"
+
 namespace tacho::store::sql {
 
 namespace {
@@ -13,7 +15,6 @@ constexpr std::int64_t kBudgetBytes = 16'000'000;
 constexpr std::int64_t kGrowth = 4;
 /// Stretches without rows may grow further: a robot that was away for months.
 constexpr std::int64_t kEmptyFactor = 16;
-constexpr Micros kLeadUs = 5'000'000;
 
 std::int64_t row_bytes(const FieldSet& fields) {
   std::int64_t bytes = 32;
@@ -30,11 +31,6 @@ std::int64_t row_bytes(const FieldSet& fields) {
 Micros plus(Micros a, Micros b) {
   constexpr Micros kMax = std::numeric_limits<Micros>::max();
   return a > kMax - b ? kMax : a + b;
-}
-
-Micros minus(Micros a, Micros b) {
-  constexpr Micros kMin = std::numeric_limits<Micros>::min();
-  return a < kMin + b ? kMin : a - b;
 }
 
 }  // namespace
@@ -64,9 +60,6 @@ bool RowScan::next_in_memory() {
   while (piece_ < pieces_.size()) {
     row_ = started_ ? row_ + 1 : 0;
     started_ = true;
-    while (row_ < piece().batch.rows() && !stretch_.contains(piece().batch.t_send_us[row_])) {
-      ++row_;  // read for its effect on later rows only
-    }
     if (row_ < piece().batch.rows()) {
       return true;
     }
@@ -92,14 +85,9 @@ bool RowScan::begin_robot() {
     return false;
   }
   period_us_ = 0;
-  lead_ = 0;
   for (const Stream& stream : log_->streams()) {
     if (stream.robot == id && stream.source == query_.source && stream.period_us > 0) {
       period_us_ = period_us_ == 0 ? stream.period_us : std::min(period_us_, stream.period_us);
-    }
-    // What registers mean depends on the inputs before them: the flags of conditions.
-    if (stream.robot == id && stream.source == Source::inputs && query_.source == Source::registers) {
-      lead_ = std::max(lead_, 3 * stream.period_us + kLeadUs);
     }
   }
   period_us_ = period_us_ == 0 ? 1'000'000 : period_us_;
@@ -129,7 +117,7 @@ void RowScan::load() {
   selection.fields[static_cast<std::size_t>(query_.source)] = query_.fields;
   selection.rows[static_cast<std::size_t>(query_.source)] = true;
   selection.records = false;
-  log_->read(robot().id, {minus(stretch_.from_us, lead_), stretch_.to_us}, selection, [&](const Slice& slice) {
+  log_->read(robot().id, stretch_, selection, [&](const Slice& slice) {
     if (const Batch* batch = slice.find(query_.source)) {
       pieces_.push_back({slice.session, *batch});
     }
@@ -156,14 +144,14 @@ void RowScan::need(const FieldSet& fields) {
   query_.fields |= fields;
   const std::size_t at_piece = piece_;
   const std::size_t at_row = row_;
-  std::vector<Piece> before = std::move(pieces_);
+  const std::vector<Piece> before = std::move(pieces_);
   load();
   // The log reads as it was when it was opened, so the rows are the same; unless a part has gone in between.
   const bool same =
       std::equal(before.begin(), before.end(), pieces_.begin(), pieces_.end(),
                  [](const Piece& a, const Piece& b) { return a.session == b.session && a.batch.seq == b.batch.seq; });
   if (!same) {
-    pieces_ = std::move(before);
+    throw Error("the log", "has lost a part while it was read", "ask again");
   }
   piece_ = at_piece;
   row_ = at_row;

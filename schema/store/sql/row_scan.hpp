@@ -49,7 +49,6 @@ class RowScan {
   Window stretch_;               ///< in memory now
   std::optional<Micros> until_;  ///< end of the robot's rows; empty before its first stretch
   Micros length_ = 0;            ///< of the next stretch
-  Micros lead_ = 0;
   Micros period_us_ = 1'000'000;
   std::vector<Piece> pieces_;
   std::size_t piece_ = 0;

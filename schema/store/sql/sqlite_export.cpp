@@ -200,16 +200,9 @@ class Exporter {
     gaps_.emplace(connection_, store::insert_sql("gap"));
     events_.emplace(connection_, store::insert_sql("event"));
     clock_.emplace(connection_, store::insert_sql("clock"));
+    read(Robot{}, Selection{});  // what belongs to no robot
     for (const Robot& robot : what_->robots) {
-      const bool first = robot.id == what_->robots.front().id;
-      log_->read(robot.id, what_->window, selection_, [&](const Slice& slice) {
-        try {
-          write_slice(robot, slice, first);
-        } catch (const SqliteError& error) {
-          // The reader takes errors of SQLite for damage of the log and goes on; this is the other file.
-          throw std::runtime_error(error.what());
-        }
-      });
+      read(robot, selection_);
     }
     for (const Source source : what_->sources) {
       connection_.exec(fmt::format("CREATE INDEX {0}_time ON {0}(robot, t_send_us)", source_name(source)));
@@ -230,7 +223,18 @@ class Exporter {
   std::optional<Statement> clock_;
   std::uint64_t rows_ = 0;
 
-  void write_slice(const Robot& robot, const Slice& slice, bool first_robot) {
+  void read(const Robot& robot, const Selection& selection) {
+    log_->read(robot.id, what_->window, selection, [&](const Slice& slice) {
+      try {
+        write_slice(robot, slice);
+      } catch (const SqliteError& error) {
+        // The reader takes errors of SQLite for damage of the log and goes on; this is the other file.
+        throw std::runtime_error(error.what());
+      }
+    });
+  }
+
+  void write_slice(const Robot& robot, const Slice& slice) {
     for (const Batch& batch : slice.batches) {
       write_rows(robot, slice.session, batch);
     }
@@ -241,7 +245,7 @@ class Exporter {
       write(*events_, event);
     }
     for (const ClockPoint& point : slice.clock) {
-      if (point.robot != 0 || first_robot) {  // points of no robot come with every robot
+      if (point.robot == robot.id) {  // points of no robot come with every robot
         write(*clock_, point);
       }
     }
