@@ -1,5 +1,6 @@
 // What SQL over a log refuses and how it says so, and the export to plain tables.
 
+#include "schema/store/log_writer.hpp"
 #include "schema/store/sql/row_columns.hpp"
 #include "schema/store/sql/sqlite_export.hpp"
 #include "schema/store/sqlite.hpp"
@@ -170,6 +171,29 @@ TEST_CASE("an export to SQLite holds the rows of the virtual tables") {
   store::Statement plan(connection, "explain query plan select x from status where robot = 'amb-01' and t_send_us > 5");
   REQUIRE(plan.step());
   CHECK(plan.text(3).find("status_time") != std::string::npos);
+}
+
+TEST_CASE("what belongs to no robot is exported, once") {
+  TempDir dir;
+  std::filesystem::copy(sql_log(), dir / "log", std::filesystem::copy_options::recursive);
+  {
+    store::LogWriter writer(dir / "log");
+    Session session;
+    session.t_start_us = kT0 + 86'400'000'000;
+    Event changed;
+    changed.session = writer.begin_session(session);
+    changed.kind = EventKind::config_changed;
+    changed.t_us = changed.t_from_us = session.t_start_us;
+    writer.add(changed);
+    writer.add(ClockPoint{0, changed.session, session.t_start_us, 1, {}});
+    writer.end_session(session.t_start_us, true);
+  }
+  const std::vector<std::filesystem::path> paths{dir / "log"};
+  const auto log = open_log(paths);
+  export_sqlite(*log, everything(*log), dir / "out.db");
+  store::Connection connection(dir / "out.db", store::OpenMode::read);
+  CHECK(connection.integer("select count(*) from event where kind = 'config_changed'") == 1);
+  CHECK(connection.integer("select count(*) from clock where mono_us = 1") == 1);
 }
 
 TEST_CASE("an export takes the robots, the time and the fields it is asked for") {
