@@ -60,7 +60,12 @@ class Program {
     try {
       app_.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
-      return app_.exit(e) == 0 ? kExitOk : kExitUsage;
+      if (e.get_exit_code() == 0) {
+        app_.exit(e);  // --help, --version
+        return kExitOk;
+      }
+      std::fprintf(stderr, "tacho-analyzer: error: %s; see tacho-analyzer --help\n", e.what());
+      return kExitUsage;
     }
     return action_();
   }

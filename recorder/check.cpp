@@ -13,6 +13,7 @@
 #include "recorder/recorder.hpp"
 #include "schema/log.hpp"
 #include "schema/store/kept_parts.hpp"
+#include "schema/text.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::recorder {
@@ -42,7 +43,9 @@ std::string text_or(const Sample& sample, FieldIndex f, std::string_view otherwi
 class RobotCheck {
  public:
   explicit RobotCheck(const RobotConfig& robot) : robot_(robot) {
-    result_.text = fmt::format("{} at {}\n", robot.name, robot.address());
+    result_.text =
+        fmt::format("{} at {}{}\n", robot.name, robot.address(),
+                    robot.settings.period(Source::push) > 0 ? fmt::format(", push {}", robot.push_port) : "");
   }
 
   CheckResult run() {
@@ -71,9 +74,9 @@ class RobotCheck {
 
  private:
   void line(Source source, const std::string& text) {
-    result_.text += fmt::format("  {:<10} {}\n", source_name(source), text);
+    result_.text += fmt::format("  {:<10} {}\n", source_name(source), printable(text));
   }
-  void more(const std::string& text) { result_.text += fmt::format("             {}\n", text); }
+  void more(const std::string& text) { result_.text += fmt::format("             {}\n", printable(text)); }
 
   void ask(Link& link, Source source, Micros timeout_us, Micros spacing_us) {
     std::vector<Micros> rtt;

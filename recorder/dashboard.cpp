@@ -100,7 +100,7 @@ constexpr std::array kColumns{
     ScreenColumn{"slowest", 10, true, 6,
            [](const Row& r) { return r.slowest_us == 0 ? "" : fmt::format("{:.1f} ms", static_cast<double>(r.slowest_us) / 1e3); }},
     ScreenColumn{"clock", 10, true, 7,
-           [](const Row& r) { return r.clock_us ? fmt::format("{:+.2f} s", static_cast<double>(*r.clock_us) / 1e6) : ""; }},
+           [](const Row& r) { return r.clock_us ? offset_text(*r.clock_us) : ""; }},
     ScreenColumn{"missed by", 16, false, 8, cause_text},
 };
 // clang-format on

@@ -186,7 +186,7 @@ std::string notes_text(const StreamStatus& stream) {
     add("word order " + stream.word_order);
   }
   if (stream.clock_offset_us) {
-    add(fmt::format("robot's clock {:+.2f} s", static_cast<double>(*stream.clock_offset_us) / 1e6));
+    add("robot's clock " + offset_text(*stream.clock_offset_us));
   }
   return out;
 }

@@ -244,4 +244,9 @@ Micros wall_now_us() { return clock_us(CLOCK_REALTIME); }
 // Goes on while the host sleeps, so that a night with the lid closed is missed polls and not a clock that was set.
 Micros mono_now_us() { return clock_us(CLOCK_BOOTTIME); }
 
+std::string offset_text(Micros us) {
+  const double hundredths = std::round(static_cast<double>(us) / 1e4);
+  return fmt::format("{:+.2f} s", hundredths == 0 ? 0.0 : hundredths / 100);
+}
+
 }  // namespace tacho

@@ -28,6 +28,9 @@ std::optional<Micros> parse_duration(std::string_view text);
 /// "1 h 02 min 03 s", "250 ms": at most three units.
 std::string duration_text(Micros us);
 
+/// "+0.25 s": how far a clock is ahead; never "-0.00 s".
+std::string offset_text(Micros us);
+
 constexpr Micros middle(Micros a, Micros b) { return a + (b - a) / 2; }
 constexpr double to_seconds(Micros us) { return static_cast<double>(us) / 1e6; }
 

@@ -52,4 +52,7 @@ TEST_CASE("durations are a number and a unit") {
   }
   CHECK(duration_text(3'723'000'000) == "1 h 02 min 03 s");
   CHECK(duration_text(90'000) == "90 ms");
+  CHECK(offset_text(254'000) == "+0.25 s");
+  CHECK(offset_text(-3'000) == "+0.00 s");
+  CHECK(offset_text(-7'000) == "-0.01 s");
 }
