@@ -1,5 +1,7 @@
 #include "schema/store/sqlite.hpp"
 
+#include <fmt/format.h>
+
 #include <sqlite3.h>
 
 #include <limits>

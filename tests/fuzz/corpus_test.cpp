@@ -34,6 +34,8 @@ TEST_CASE("every input of the fuzz corpus keeps the laws, whole and cut", "[fuzz
   CHECK(replay("block", fuzz::block) >= 5);
   CHECK(replay("mbap", fuzz::mbap) >= 5);
   CHECK(replay("register_plan", fuzz::register_plan) >= 5);
+  CHECK(replay("config", fuzz::config) >= 10);
+  CHECK(replay("learned", fuzz::learned) >= 5);
 }
 
 TEST_CASE("random bytes keep the laws of the links", "[fuzz]") {

@@ -1,8 +1,16 @@
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
 #include <vector>
 
+#include "recorder/config.hpp"
+#include "recorder/link/link_memory.hpp"
 #include "recorder/link/mbap.hpp"
 #include "recorder/link/register_plan.hpp"
 #include "schema/fields.hpp"
@@ -71,6 +79,17 @@ void check_request(bool discrete, wire::Range range) {
   }
 }
 
+void check_complete(const RegisterPlan& plan, bool discrete) {
+  for (const wire::Range run : wire::documented_runs(discrete)) {
+    for (unsigned a = run.first; a < unsigned{run.first} + run.count; ++a) {
+      const auto known = [a](wire::Range r) { return holds(r, a); };
+      law(std::any_of(plan.ranges().begin(), plan.ranges().end(), known) ||
+              std::any_of(plan.illegal().begin(), plan.illegal().end(), known),
+          "what is documented is asked for, or was refused");
+    }
+  }
+}
+
 }  // namespace
 
 void mbap(std::string_view bytes) {
@@ -107,24 +126,64 @@ void register_plan(std::string_view bytes) {
     std::size_t asked = 0;
     const std::size_t planned = plan.ranges().size() + (plan.learned() ? 0 : runs.size());
     bool stopped = false;
-    plan.sweep([&](wire::Range range) {
+    const std::optional<wire::Range> last =
+        byte(bytes, 60) % 2 == 1 ? std::optional(plan.ranges()[byte(bytes, 61) % plan.ranges().size()]) : std::nullopt;
+    const auto ask = [&](wire::Range range) {
       law(!stopped, "nothing is asked after the connection was lost");
       check_request(server.discrete(), range);
       ++asked;
       const Reply reply = server.ask(range);
       stopped = reply == Reply::stop;
       return reply;
-    });
+    };
+    plan.sweep(ask, last);
     law(asked <= planned + RegisterPlan::kMaxExtraRequests, "a sweep keeps to its budget");
-    for (const wire::Range run : runs) {
-      for (unsigned a = run.first; a < unsigned{run.first} + run.count; ++a) {
-        const auto known = [a](wire::Range r) { return holds(r, a); };
-        law(std::any_of(plan.ranges().begin(), plan.ranges().end(), known) ||
-                std::any_of(plan.illegal().begin(), plan.illegal().end(), known),
-            "what is documented is asked for, or was refused");
-      }
+    if (last && byte(bytes, 62) % 4 == 3 && plan.ranges().size() > 1) {
+      plan.leave_out(*last);
     }
+    check_complete(plan, server.discrete());
   }
+}
+
+void config(std::string_view bytes) {
+  Config accepted;
+  try {
+    accepted = parse_config(bytes, "site.toml");
+    validate(accepted);
+  } catch (const UsageError& error) {
+    law(std::string_view(error.what()).size() > 10, "a mistake is explained");
+    return;
+  }
+  law(!accepted.robots.empty(), "there is somebody to be asked");
+  const std::string written = to_toml(accepted);
+  law(to_toml(parse_config(written, "written")) == written, "what is written reads the same");
+}
+
+void learned(std::string_view bytes) {
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() / ("tacho-learned-" + std::to_string(getpid()) + ".json");
+  std::ofstream(file, std::ios::binary) << bytes;
+  constexpr const char* kAddress = "10.0.0.1:502 unit 1";
+  LearnedRobot known;
+  {
+    LinkMemory memory(file);
+    known = memory.recall(kAddress);
+    law(memory.problem().empty() || known == LearnedRobot{}, "a damaged file says nothing about robots");
+    for (const bool discrete : {false, true}) {
+      RegisterPlan plan(discrete);
+      const LearnedPlan& told = discrete ? known.inputs : known.registers;
+      (void)plan.restore(told.ranges, told.illegal);
+      for (const wire::Range range : plan.ranges()) {
+        check_request(discrete, range);
+      }
+      check_complete(plan, discrete);
+    }
+    known.shift = 1 - known.shift;
+    memory.learn(kAddress, known);
+    law(memory.save().empty(), "what is learned can be kept");
+  }
+  law(LinkMemory(file).recall(kAddress) == known, "what was kept is known again");
+  std::filesystem::remove(file);
 }
 
 }  // namespace tacho::fuzz

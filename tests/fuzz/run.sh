@@ -13,7 +13,7 @@ if ! command -v clang++ >/dev/null; then
   exit 1
 fi
 
-targets=(frame status_json registers block mbap register_plan)
+targets=(frame status_json registers block mbap register_plan config learned)
 cmake --preset fuzz >/dev/null
 cmake --build --preset fuzz --target "${targets[@]/#/fuzz_}"
 mkdir -p build/fuzz/found

@@ -23,5 +23,10 @@ void mbap(std::string_view bytes);
 /// What a server refuses: two bits per address and kind of request. However it behaves, a sweep ends within its budget,
 /// no value is split, and what is documented is asked for, unknown or illegal.
 void register_plan(std::string_view bytes);
+/// A configuration file: it is refused with file and line or with what is missing, or it is taken, and then what it is
+/// written as reads the same.
+void config(std::string_view bytes);
+/// learned.json: whatever is in it, robots are asked for what is documented, and what is learned then is kept.
+void learned(std::string_view bytes);
 
 }  // namespace tacho::fuzz
