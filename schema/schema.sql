@@ -124,7 +124,7 @@ CREATE TABLE hot (
   base INTEGER,                            -- hot.id of the row whose last body these are compressed against; NULL: a keyframe
   rows INTEGER NOT NULL,                   -- answers
   crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
-  data BLOB NOT NULL                       -- their places, polls, times, lengths and bodies, see hot_codec.hpp
+  data BLOB NOT NULL                       -- their places, polls, times, lengths and bodies, see schema/store/block/FORMAT.md
 ) STRICT;
 
 -- stored answers of one stream that were moved out of hot
@@ -141,7 +141,7 @@ CREATE TABLE block (
   t_to_us INTEGER NOT NULL,                -- largest send time, UTC microseconds
   rows INTEGER NOT NULL,                   -- answers
   crc INTEGER NOT NULL,                    -- CRC-32C of the other columns but id and data, which has its own
-  data BLOB NOT NULL                       -- see block/README.md
+  data BLOB NOT NULL                       -- see schema/store/block/FORMAT.md
 ) STRICT;
 
 -- planned polls without an answer
@@ -198,7 +198,7 @@ CREATE TABLE manifest (
   source INTEGER NOT NULL,                 -- code list source
   hour_us INTEGER NOT NULL,                -- start of the UTC hour of the send time, UTC microseconds
   rows INTEGER NOT NULL,                   -- answers
-  hash INTEGER NOT NULL,                   -- sum of their hashes modulo 2^64, see manifest.hpp
+  hash INTEGER NOT NULL,                   -- sum of their hashes modulo 2^64, see schema/store/block/FORMAT.md
   crc INTEGER NOT NULL,                    -- CRC-32C of the other columns
   PRIMARY KEY (robot, source, hour_us)
 ) STRICT, WITHOUT ROWID;

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -50,16 +51,31 @@ Json to_json(const LearnedRobot& robot) {
 
 // Reading throws nlohmann's exceptions, which load() turns into words.
 
+/// The library turns any number into any other.
+template <class Whole>
+Whole whole(const Json& json) {
+  if (json.is_number_integer()) {
+    const auto value = json.is_number_unsigned() && json.get<std::uint64_t>() > std::uint64_t{INT64_MAX}
+                           ? std::int64_t{-1}
+                           : json.get<std::int64_t>();
+    if (std::in_range<Whole>(value)) {
+      return static_cast<Whole>(value);
+    }
+  }
+  throw std::system_error(std::make_error_code(std::errc::result_out_of_range),
+                          json.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 40));
+}
+
 std::vector<wire::Range> ranges_in(const Json& json) {
   std::vector<wire::Range> out;
   for (const Json& pair : json) {
-    out.push_back({pair.at(0).get<std::uint16_t>(), pair.at(1).get<std::uint16_t>()});
+    out.push_back({whole<std::uint16_t>(pair.at(0)), whole<std::uint16_t>(pair.at(1))});
   }
   return out;
 }
 
 LearnedPlan plan_in(const Json& json) {
-  return {ranges_in(json.at("ranges")), ranges_in(json.at("illegal")), json.at("at_us").get<Micros>()};
+  return {ranges_in(json.at("ranges")), ranges_in(json.at("illegal")), whole<Micros>(json.at("at_us"))};
 }
 
 LearnedRobot robot_in(const Json& json) {
@@ -68,7 +84,7 @@ LearnedRobot robot_in(const Json& json) {
   if (json.contains("word_order") && parse_word_order(json.at("word_order").get<std::string>(), order)) {
     out.word_order = order;
   }
-  const int shift = json.at("shift").get<int>();
+  const int shift = whole<int>(json.at("shift"));
   out.shift = shift == 1 ? 1 : 0;
   out.registers = plan_in(json.at("registers"));
   out.inputs = plan_in(json.at("inputs"));
@@ -79,7 +95,7 @@ std::map<std::string, LearnedRobot> robots_in(const std::filesystem::path& file)
   std::ifstream in(file, std::ios::binary);
   const Json json = Json::parse(in);
   std::map<std::string, LearnedRobot> out;
-  if (json.at("version").get<int>() != kVersion) {
+  if (whole<int>(json.at("version")) != kVersion) {
     throw std::system_error(std::make_error_code(std::errc::not_supported), "written by another version");
   }
   for (const auto& [address, robot] : json.at("robots").items()) {

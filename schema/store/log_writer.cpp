@@ -12,11 +12,13 @@
 #include "schema/store/coverage_writer.hpp"
 #include "schema/store/hot_writer.hpp"
 #include "schema/store/kept_parts.hpp"
+#include "schema/store/move_pace.hpp"
 #include "schema/store/part_end.hpp"
 #include "schema/store/part_sequence.hpp"
 #include "schema/store/repack.hpp"
 #include "schema/store/schema_sql.hpp"
 #include "schema/store/stream_state.hpp"
+#include "schema/store/unsaved_rows.hpp"
 
 namespace tacho::store {
 
@@ -25,14 +27,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kCommitsAfterFailure = 60;
-/// After a commit, moving rows into blocks may take about this share of the time that its answers cover: the sooner all
-/// are packed, the fewer new rows have to be put back.
-constexpr Micros kMoveShare = 4;
-constexpr Micros kLeastMoveUs = 50'000;
-constexpr Micros kMostMoveUs = 1'000'000;
 constexpr std::uint64_t kPinned = 2;  // a WAL so many times larger than it should be is pinned by a reader
-// While the disk fails for days: some 10 MB of events and clock points wait for it.
-constexpr std::size_t kMostUnsaved = 20'000;
 // Of a part that cannot be read nobody knows how many sessions and robots it had.
 constexpr std::uint32_t kUnknownIds = 1000;
 // Against a robot that invents keys: the answers themselves keep all of them.
@@ -56,10 +51,8 @@ struct LogWriter::Impl : WriterHead {
   std::uint64_t prepare_again_at = 0;  // stats.commits
   std::uint64_t change_again_at = 0;   // stats.commits
   bool change_fails = false;           // and that has been told
-  std::vector<Event> unsaved_events;   // since the last commit; a failed one takes them along
-  std::vector<ClockPoint> unsaved_points;
-  Micros newest_us = 0;  // time of the last answer
-  Micros committed_newest_us = 0;
+  UnsavedRows unsaved;
+  MovePace pace;
   Stats stats;
   Stats committed_stats;
   std::map<StreamId, Tally> tallies;  // of the ended session
@@ -93,8 +86,6 @@ struct LogWriter::Impl : WriterHead {
 
   template <class Write>
   void write(Write rows);
-  template <class Row>
-  void write_row(std::vector<Row>& unsaved, const Row& row);
   template <class Write>
   void write_polls(StreamState& state, std::uint64_t next_seq, Write rows);
   void write_lost();
@@ -105,7 +96,6 @@ struct LogWriter::Impl : WriterHead {
   void commit_rows();
   void committed();
   void prepare_next();
-  Deadline move_until();
   void move_due(Deadline until);
   void checkpoint();
   void turn_day(Micros t_us);
@@ -217,23 +207,6 @@ void LogWriter::Impl::write(Write rows) {
   }
 }
 
-/// Writes a row that is no poll; when it cannot be written now, it is later.
-template <class Row>
-void LogWriter::Impl::write_row(std::vector<Row>& unsaved, const Row& row) {
-  const auto keep = [&] {
-    if (unsaved.size() < kMostUnsaved) {
-      unsaved.push_back(row);
-    }
-  };
-  try {
-    write([&] { part().put(row); });
-  } catch (const Error&) {
-    keep();
-    throw;
-  }
-  keep();
-}
-
 /// Writes rows that use up the polls before `next_seq`; when they cannot be written, those polls are lost.
 template <class Write>
 void LogWriter::Impl::write_polls(StreamState& state, std::uint64_t next_seq, Write rows) {
@@ -257,12 +230,7 @@ void LogWriter::Impl::write_lost() {
       stats.lost += gap->seq_count;
     }
   }
-  for (const Event& event : unsaved_events) {
-    part().put(event);
-  }
-  for (const ClockPoint& point : unsaved_points) {
-    part().put(point);
-  }
+  unsaved.put(part());
 }
 
 /// Parts that are gone: the log says so in the session that goes on.
@@ -314,7 +282,7 @@ void LogWriter::Impl::commit_rows() {
 void LogWriter::Impl::commit_all() {
   commit_rows();
   checkpoint();
-  const Deadline until = move_until();
+  const Deadline until = pace.until();
   if (!part_end.over(part().bytes()) || !change_part()) {
     move_due(until);
     prepare_next();
@@ -346,14 +314,6 @@ void LogWriter::Impl::prepare_next() {
   } catch (const Error&) {
     prepare_again_at = stats.commits + kCommitsAfterFailure;
   }
-}
-
-/// Until when rows may be moved now. By the time of the answers, so that a log that is made, not recorded, is packed in
-/// the same way.
-Deadline LogWriter::Impl::move_until() {
-  const Micros since_us = newest_us - std::exchange(committed_newest_us, newest_us);
-  return std::chrono::steady_clock::now() +
-         std::chrono::microseconds(std::clamp(since_us / kMoveShare, kLeastMoveUs, kMostMoveUs));
 }
 
 /// Moves the rows of streams that have enough of them. All rows are committed; where this fails, they stay hot and
@@ -391,8 +351,7 @@ void LogWriter::Impl::move_due(Deadline until) {
 
 void LogWriter::Impl::committed() {
   lost = false;
-  unsaved_events.clear();
-  unsaved_points.clear();
+  unsaved.clear();
   ++stats.commits;
   committed_stats = stats;
   hot.commit();
@@ -431,7 +390,7 @@ StreamState& LogWriter::Impl::stream(RobotId robot, Source source) {
 void LogWriter::Impl::keep(StreamState& state, const Answer& answer) {
   const bool full = answers.keep(state, answer);
   part_end.add(answer.meta.t_send_us);
-  newest_us = answer.meta.t_send_us;
+  pace.see(answer.meta.t_send_us);
   state.count.add(answer.meta, answer.body.size());
   ++state.tally.stored;
   state.dirty = true;
@@ -615,11 +574,13 @@ void LogWriter::add(const Gap& gap) {
   });
 }
 
-void LogWriter::add(const Event& event) { impl_->write_row(impl_->unsaved_events, event); }
+void LogWriter::add(const Event& event) {
+  impl_->unsaved.keep(event, [&] { impl_->write([&] { impl_->part().put(event); }); });
+}
 
 void LogWriter::add(const ClockPoint& point) {
   impl_->keeper.see(point);
-  impl_->write_row(impl_->unsaved_points, point);
+  impl_->unsaved.keep(point, [&] { impl_->write([&] { impl_->part().put(point); }); });
 }
 
 void LogWriter::commit() { impl_->commit(); }

@@ -134,7 +134,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"hot", "base",      "INTEGER",             "hot.id of the row whose last body these are compressed against; NULL: a keyframe"},
   {"hot", "rows",      "INTEGER NOT NULL",    "answers"},
   {"hot", "crc",       "INTEGER NOT NULL",    "CRC-32C of the other columns"},
-  {"hot", "data",      "BLOB NOT NULL",       "their places, polls, times, lengths and bodies, see hot_codec.hpp"},
+  {"hot", "data",      "BLOB NOT NULL",       "their places, polls, times, lengths and bodies, see schema/store/block/FORMAT.md"},
 
   {"block", "id",        "INTEGER PRIMARY KEY", "order of moving"},
   {"block", "robot",     "INTEGER NOT NULL",    "robot.id"},
@@ -148,7 +148,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"block", "t_to_us",   "INTEGER NOT NULL",    "largest send time, UTC microseconds"},
   {"block", "rows",      "INTEGER NOT NULL",    "answers"},
   {"block", "crc",       "INTEGER NOT NULL",    "CRC-32C of the other columns but id and data, which has its own"},
-  {"block", "data",      "BLOB NOT NULL",       "see block/README.md"},
+  {"block", "data",      "BLOB NOT NULL",       "see schema/store/block/FORMAT.md"},
 
   {"gap", "id",        "INTEGER PRIMARY KEY", "order of arrival"},
   {"gap", "robot",     "INTEGER NOT NULL",    "robot.id"},
@@ -192,7 +192,7 @@ constexpr auto kColumns = std::to_array<Column>({
   {"manifest", "source",  "INTEGER NOT NULL", "code list source"},
   {"manifest", "hour_us", "INTEGER NOT NULL", "start of the UTC hour of the send time, UTC microseconds"},
   {"manifest", "rows",    "INTEGER NOT NULL", "answers"},
-  {"manifest", "hash",    "INTEGER NOT NULL", "sum of their hashes modulo 2^64, see manifest.hpp"},
+  {"manifest", "hash",    "INTEGER NOT NULL", "sum of their hashes modulo 2^64, see schema/store/block/FORMAT.md"},
   {"manifest", "crc",     "INTEGER NOT NULL", "CRC-32C of the other columns"},
 
   {"clock", "id",       "INTEGER PRIMARY KEY", "order of arrival"},
