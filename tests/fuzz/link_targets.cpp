@@ -124,7 +124,13 @@ void register_plan(std::string_view bytes) {
   const std::vector<wire::Range> runs = wire::documented_runs(server.discrete());
   for (int sweep = 0; sweep < 4; ++sweep) {
     std::size_t asked = 0;
-    const std::size_t planned = plan.ranges().size() + (plan.learned() ? 0 : runs.size());
+    std::size_t planned = plan.ranges().size();
+    for (const wire::Range range : plan.ranges()) {  // one that spans gaps may be refused, and then it is its runs
+      const auto inside = std::count_if(runs.begin(), runs.end(), [&](wire::Range run) {
+        return run.first < range.first + range.count && range.first < run.first + run.count;
+      });
+      planned += inside > 1 ? static_cast<std::size_t>(inside) : 0;
+    }
     bool stopped = false;
     const std::optional<wire::Range> last =
         byte(bytes, 60) % 2 == 1 ? std::optional(plan.ranges()[byte(bytes, 61) % plan.ranges().size()]) : std::nullopt;
