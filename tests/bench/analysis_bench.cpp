@@ -15,6 +15,7 @@
 #include "analyzer/analysis.hpp"
 #include "samples/simulator/write.hpp"
 #include "schema/log.hpp"
+#include "tests/support/measure.hpp"
 
 namespace {
 
@@ -26,11 +27,6 @@ double seconds(const Work& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
 }
 
 void print(const std::string& name, double value, const char* unit) {
@@ -58,9 +54,9 @@ void bench(const AnalysisSpec& spec, const fs::path& folder) {
     whole.push_back(seconds([&] { run_analysis(spec, *log, {}, {}, "UTC", settings); }));
   }
   const std::string name(spec.name);
-  print(name + "_day_1hz", median(whole), "s");
-  print(name + "_day_1hz_read_only", median(read), "s");
-  print(name + "_over_read", median(whole) / median(read), "ratio");
+  print(name + "_day_1hz", test::median(whole), "s");
+  print(name + "_day_1hz_read_only", test::median(read), "s");
+  print(name + "_over_read", test::median(whole) / test::median(read), "ratio");
 }
 
 }  // namespace

@@ -37,6 +37,7 @@
 #include "samples/simulator/write.hpp"
 #include "schema/log.hpp"
 #include "schema/time.hpp"
+#include "tests/support/measure.hpp"
 
 namespace {
 
@@ -102,15 +103,6 @@ double cpu_seconds(pid_t pid) {
   double system = 0;
   fields >> user >> system;
   return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
-}
-
-/// Memory of a running process that is in RAM, MB.
-double resident_mb(pid_t pid) {
-  std::ifstream statm(fmt::format("/proc/{}/statm", pid));
-  double total = 0;
-  double resident = 0;
-  statm >> total >> resident;
-  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
 double stored_rows(const fs::path& folder, std::uint64_t& planned) {
@@ -199,11 +191,6 @@ std::vector<double> lateness_ms(RowSource& log, const Stream& stream) {
   return late;
 }
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 bool bench_dead(const fs::path& dir, int minutes) {
   constexpr int kRobots = 32;
   constexpr std::array kFaults{"silence", "refuse", "slow_drip", "late"};
@@ -230,8 +217,8 @@ bool bench_dead(const fs::path& dir, int minutes) {
     const std::vector<double> late = lateness_ms(*log, stream);
     if (stream.robot % 2 == 1 && late.size() >= 8) {  // the healthy ones are r1, r3, ...
       const auto quarter = static_cast<std::ptrdiff_t>(late.size() / 4);
-      drift = std::max(
-          drift, std::abs(median({late.end() - quarter, late.end()}) - median({late.begin(), late.begin() + quarter})));
+      drift = std::max(drift, std::abs(test::median({late.end() - quarter, late.end()}) -
+                                       test::median({late.begin(), late.begin() + quarter})));
       all.insert(all.end(), late.begin(), late.end());
     }
   }
@@ -276,7 +263,7 @@ bool bench_recorder(const fs::path& dir, int robots) {
   const auto begin = steady_clock::now();
   std::this_thread::sleep_for(kMeasured);
   const double share = (cpu_seconds(pid) - before) / seconds_since(begin);
-  const double memory = resident_mb(pid);
+  const double memory = test::resident_bytes(std::to_string(pid)) / 1e6;
   kill(pid, SIGTERM);
   if (!wait_for(pid).ok) {
     return false;

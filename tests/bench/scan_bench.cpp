@@ -22,6 +22,7 @@
 #include "schema/log.hpp"
 #include "schema/store/sql/sqlite_export.hpp"
 #include "schema/store/sqlite.hpp"
+#include "tests/support/measure.hpp"
 
 namespace {
 
@@ -63,11 +64,6 @@ double seconds(Work work) {
   const double start = cpu_seconds();
   work();
   return cpu_seconds() - start;
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
 }
 
 Selection selection_of(const Scan& scan) {
@@ -153,9 +149,9 @@ void against_wide_table(const std::string& name, RowSource& log, const Scan& sca
     fmt::print(stderr, "{}: sums differ: {} and {}\n", name, mine, theirs);
     std::exit(1);
   }
-  print(name + "/six_columns", rows / median(columns), "rows/s", 20e6, "higher");
-  print(name + "/six_columns_wide_table", rows / median(table), "rows/s");
-  print(name + "/faster_than_wide_table", median(table) / median(columns), "x", 10, "higher");
+  print(name + "/six_columns", rows / test::median(columns), "rows/s", 20e6, "higher");
+  print(name + "/six_columns_wide_table", rows / test::median(table), "rows/s");
+  print(name + "/faster_than_wide_table", test::median(table) / test::median(columns), "x", 10, "higher");
 }
 
 void measure(const fs::path& folder, double days) {
@@ -179,7 +175,7 @@ void measure(const fs::path& folder, double days) {
   for (int round = 0; round < 10 * kRounds; ++round) {
     hour.push_back(seconds([&] { sum_columns(*log, one, {from, from + 3'600'000'000}); }));
   }
-  print("one_hour_of_one_column", 1e3 * median(hour), "ms", 1, "lower");
+  print("one_hour_of_one_column", 1e3 * test::median(hour), "ms", 1, "lower");
 }
 
 /// 30 parts, one a day: opened alone, and with all that `info` tells of them.
@@ -209,8 +205,8 @@ void measure_opening(const fs::path& folder) {
       }
     }));
   }
-  print("open_30_parts", 1e3 * median(opening), "ms", 10, "lower");
-  print("open_and_info_30_parts", 1e3 * median(telling), "ms", 10, "lower");
+  print("open_30_parts", 1e3 * test::median(opening), "ms", 10, "lower");
+  print("open_and_info_30_parts", 1e3 * test::median(telling), "ms", 10, "lower");
 }
 
 }  // namespace

@@ -33,6 +33,7 @@
 #include "samples/simulator/robot.hpp"
 #include "schema/log.hpp"
 #include "schema/store/sqlite.hpp"
+#include "tests/support/measure.hpp"
 
 namespace {
 
@@ -62,15 +63,6 @@ DiskBytes disk_bytes() {
     out.handed = name == "wchar:" ? value : out.handed;
   }
   return out;
-}
-
-/// Memory of this process that is in RAM, MB.
-double resident_mb() {
-  std::ifstream statm("/proc/self/statm");
-  double total = 0;
-  double resident = 0;
-  statm >> total >> resident;
-  return resident * 4096.0 / 1e6;
 }
 
 double thread_cpu_seconds() {
@@ -210,7 +202,7 @@ struct Goals {
 void bench(const fs::path& folder, int robots, Micros commit_s, Micros minutes, Goals goals) {
   Fleet fleet(robots);
   fleet.answers_of(0);  // from here on the robots take no more memory
-  const double without_mb = resident_mb();
+  const double without_mb = test::resident_bytes() / 1e6;
   double most_mb = 0;
   double cpu_s = 0;
   Times commits;
@@ -239,7 +231,7 @@ void bench(const fs::path& folder, int robots, Micros commit_s, Micros minutes, 
       }
       cpu_s += thread_cpu_seconds() - start;
       if (second % 10 == 0) {
-        most_mb = std::max(most_mb, resident_mb());
+        most_mb = std::max(most_mb, test::resident_bytes() / 1e6);
       }
     }
     start = thread_cpu_seconds();

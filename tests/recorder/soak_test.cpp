@@ -10,7 +10,6 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <thread>
 
@@ -21,10 +20,12 @@
 #include "samples/simulator/answers.hpp"
 #include "samples/simulator/robot.hpp"
 #include "tests/support/catch.hpp"
+#include "tests/support/measure.hpp"
 #include "tests/support/temp_dir.hpp"
 
 using namespace tacho;
 using namespace tacho::recorder;
+using namespace tacho::test;
 namespace fs = std::filesystem;
 
 namespace {
@@ -126,28 +127,11 @@ class SimulatedLink final : public Link {
   bool connected_ = false;
 };
 
-double resident_bytes() {
-  std::ifstream statm("/proc/self/statm");
-  double total = 0;
-  double resident = 0;
-  statm >> total >> resident;
-  return resident * 4096.0;
-}
-
-std::size_t open_files() {
-  return static_cast<std::size_t>(std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator()));
-}
-
 /// What the process holds, every simulated hour.
 struct Holdings {
   std::vector<double> bytes;
   std::vector<std::size_t> files;
 };
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
 
 RobotConfig robot_config() {
   RobotConfig robot;

@@ -14,7 +14,8 @@ namespace {
 
 constexpr auto kEachFault = 80ms;
 
-std::map<int, int> status_requests(const std::vector<std::string>& connections) {
+/// `bodies`: of requests 1100.
+std::map<int, int> status_requests(const std::vector<std::string>& connections, std::map<std::string, int>& bodies) {
   std::map<int, int> count;
   for (const std::string& bytes : connections) {
     wire::FrameDecoder decoder;
@@ -22,7 +23,11 @@ std::map<int, int> status_requests(const std::vector<std::string>& connections) 
     wire::Frame frame;
     while (decoder.next(frame)) {
       ++count[frame.header.type];
-      CHECK(frame.body == (frame.header.type == 1100 ? R"({"return_laser":false})" : ""));
+      if (frame.header.type == 1100) {
+        ++bodies[frame.body];
+      } else {
+        CHECK(frame.body.empty());
+      }
     }
     CHECK_FALSE(decoder.bad());
     CHECK(decoder.buffered() == 0);
@@ -59,7 +64,9 @@ TEST_CASE(
   const tacho::test::TempDir dir;
   Config config = config_for(dir / "log", {{status.port(), modbus.port()}});
   config.robots[0].push_port = push.port();
-  config.robots[0].settings.period_us[static_cast<std::size_t>(Source::push)] = 50'000;
+  for (const Source source : {Source::push, Source::pose, Source::ring}) {
+    config.robots[0].settings.period_us[static_cast<std::size_t>(source)] = 50'000;
+  }
   config.robots[0].settings.status.timeout_us = config.robots[0].settings.modbus.timeout_us = 60'000;
   std::vector<SourceSummary> summary;
   {
@@ -70,6 +77,7 @@ TEST_CASE(
       }
       std::this_thread::sleep_for(kEachFault);
     }
+    CHECK(recorder.mark({"", "writes what the ring holds"}) == 1);
     for (const sim::Port port : sim::kPorts) {
       robot.fault(0, port, nullptr);
     }
@@ -78,10 +86,14 @@ TEST_CASE(
     summary = recorder.finish();
   }
   check_log(dir / "log", summary);
-  const auto frames = status_requests(status.sent());
+  std::map<std::string, int> bodies;
+  const auto frames = status_requests(status.sent(), bodies);
   REQUIRE(frames.size() == 2);
   CHECK(frames.at(1100) > 20);
   CHECK(frames.at(1013) > 20);
+  CHECK(bodies.size() == 2);
+  CHECK(bodies[R"({"return_laser":false})"] > 20);
+  CHECK(bodies[R"({"keys":["x","y","angle","confidence","vx","vy","w","odo"],"return_laser":false})"] > 20);
   for (const std::string& bytes : push.sent()) {
     CHECK(bytes.empty());
   }
