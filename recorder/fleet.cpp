@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <system_error>
 
 #include "schema/time.hpp"
 
@@ -137,11 +138,29 @@ void Fleet::start(const RobotConfig& robot, const Row& row, std::size_t index, M
     }
   }
   running_ += crew->stations.size();
-  for (const auto& station : crew->stations) {
-    station->thread = std::thread([this, &station = *station, start_us] { run(station, start_us); });
+  try {
+    for (const auto& station : crew->stations) {
+      station->thread = std::thread([this, &station = *station, start_us] { run(station, start_us); });
+    }
+  } catch (const std::system_error& error) {
+    dismiss(*crew);
+    throw Error(robot.name, fmt::format("no thread can be had for it: {}", error.what()),
+                "this host is at its limit (TasksMax, ulimit -u)");
   }
   const std::lock_guard lock(mutex_);
   crews_.push_back(std::move(crew));
+}
+
+/// Of a crew some of whose threads could not be started.
+void Fleet::dismiss(Crew& crew) {
+  for (const auto& station : crew.stations) {
+    station->stop();
+    if (station->thread.joinable()) {
+      station->thread.join();
+    } else {
+      --running_;
+    }
+  }
 }
 
 void Fleet::stop(RobotId row) {

@@ -106,6 +106,7 @@ class Fleet {
     std::unique_ptr<RobotWatch> watch;
     std::vector<std::unique_ptr<Station>> stations;
   };
+  void dismiss(Crew& crew);
   std::unique_ptr<Station> make_station(const RobotConfig& robot, const Crew& crew, std::size_t index,
                                         Protocol protocol);
   void run(Station& station, Micros start_us);

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int kIllegalAddress = 2;
 constexpr int kIllegalValue = 3;
+constexpr const char* kShiftSubject = "address shift";
 constexpr int kSilences = 3;                    // of one range, before it is left out
 constexpr unsigned kSweepsBetweenGuesses = 50;  // while the word order is undecided
 
@@ -98,6 +99,7 @@ void ModbusLink::recall() {
     return;
   }
   const LearnedRobot known = options_.memory->recall(known_as());
+  placed_ = !(known == LearnedRobot{});
   remembered_ = known.word_order;
   shift_ = known.shift;
   const auto restore = [](const LearnedPlan& learned, Planned& planned) {
@@ -303,6 +305,7 @@ bool ModbusLink::detect(PollResult& result) {
     return true;
   }
   sweeps_until_guess_ = kSweepsBetweenGuesses;
+  placed_ = true;
   const bool first = !guess_;
   const std::string status = options_.status ? options_.status->recent() : std::string();
   WordOrderGuess guess = guess_word_order({result.body, socket_.peer(), status});
@@ -310,7 +313,7 @@ bool ModbusLink::detect(PollResult& result) {
     shift_ = shift;
     registers_ = {RegisterPlan(false)};  // what was refused were other addresses
     inputs_ = {RegisterPlan(true)};
-    result.notes.push_back({EventKind::word_order, "address shift", {}, std::to_string(shift_), guess.why});
+    result.notes.push_back({EventKind::word_order, kShiftSubject, {}, std::to_string(shift_), guess.why});
     sweeps_until_guess_ = 0;
     return false;
   }
@@ -357,8 +360,34 @@ PollResult ModbusLink::ask(Source source, Micros timeout_us) {
   return result;
 }
 
+/// Inputs show nowhere that they were asked for at the wrong addresses, registers do: they are looked at first. Their
+/// answer is not kept. Failed when there is none.
+PollResult ModbusLink::look_for_shift(Micros timeout_us) {
+  PollResult seen = ask(Source::registers, timeout_us);
+  placed_ = placed_ || seen.cause == Cause::modbus_exception || --looks_left_ == 0;
+  guess_.reset();  // the first registers that are kept say what was found
+  settled_ = false;
+  sweeps_until_guess_ = 0;
+  std::erase_if(seen.notes, [](const LinkNote& note) { return note.subject != kShiftSubject; });
+  return seen;
+}
+
 PollResult ModbusLink::poll(Source source, std::chrono::milliseconds timeout) {
-  PollResult result = ask(source, std::chrono::microseconds(timeout).count());
+  const Micros timeout_us = std::chrono::microseconds(timeout).count();
+  const Micros begin_us = mono_now_us();
+  std::vector<LinkNote> notes;
+  PollResult result;
+  if (source == Source::inputs && !placed_) {
+    result = look_for_shift(timeout_us);
+    notes = std::move(result.notes);
+  }
+  if (source != Source::inputs || placed_) {
+    result = ask(source, std::max<Micros>(timeout_us - (mono_now_us() - begin_us), 0));
+  } else {
+    result.ok = false;
+  }
+  result.notes.insert(result.notes.begin(), std::make_move_iterator(notes.begin()),
+                      std::make_move_iterator(notes.end()));
   learn();
   if (!result.ok && socket_.interrupted()) {
     result.cause = Cause::shutdown;

@@ -49,10 +49,10 @@ class ModbusLink final : public Link {
  private:
   struct Planned {
     RegisterPlan plan;
-    Micros learned_us = 0;              // wall clock, because it outlives a restart
-    bool told = false;                  // a sweep has said what is missing
+    Micros learned_us = 0;                             // wall clock, because it outlives a restart
+    bool told = false;                                 // a sweep has said what is missing
     std::optional<wire::Range> silent = std::nullopt;  // not answered in the last sweep
-    int silences = 0;                   // ... and in how many in a row, in which others were
+    int silences = 0;                                  // ... and in how many in a row, in which others were
   };
   struct Sweep;
   using Buffer = std::array<char, 2 * mbap::kMaxFrameBytes>;  // room to notice a second answer
@@ -73,6 +73,7 @@ class ModbusLink final : public Link {
   Reply refused(Sweep& sweep, wire::Range range, int code);
   Reply unanswered(Sweep& sweep, wire::Range range, std::size_t size, Micros waited_us);
   Reply give_up(Sweep& sweep, Cause cause, std::string why);
+  PollResult look_for_shift(Micros timeout_us);
   bool detect(PollResult& result);
   void recall();
   void learn();
@@ -87,6 +88,8 @@ class ModbusLink final : public Link {
   std::optional<WordOrder> remembered_;
   int shift_ = 0;         // 0 or 1: a smaller one could not reach the first register
   bool settled_ = false;  // nothing left to detect
+  bool placed_ = false;   // registers have been looked at for the shift
+  int looks_left_ = 3;    // ... and so often they may fail before inputs are asked for as documented
   unsigned sweeps_until_guess_ = 0;
 };
 

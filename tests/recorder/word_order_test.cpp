@@ -206,6 +206,35 @@ TEST_CASE("a robot whose addresses are not sent minus one is read again rightly 
   CHECK(server.take().at(0).first == 2);
 }
 
+TEST_CASE("inputs that are asked for first are asked for at the right addresses, and registers say what was found") {
+  ModbusServer server([](const Asked&) { return 0; });
+  fill(server, WordOrder::abcd, 1);
+  ModbusLink link(options(server.port()));
+  const PollResult inputs = link.poll(Source::inputs, kTimeout);
+  REQUIRE(inputs.ok);
+  REQUIRE(inputs.notes.size() == 1);
+  CHECK(inputs.notes[0].subject == "address shift");
+  for (const Asked& asked : server.take()) {
+    CHECK((asked.function == 4 || asked.first == 2));
+  }
+  const PollResult registers = link.poll(Source::registers, kTimeout);
+  CHECK(registers.word_order == WordOrder::abcd);
+  REQUIRE(registers.notes.size() == 1);
+  CHECK(registers.notes[0].new_value == "abcd");
+}
+
+TEST_CASE("inputs of a robot without registers are recorded as documented, those of one that is silent not at once") {
+  ModbusServer refusing([](const Asked& a) { return a.function == 4 ? 1 : 0; });
+  ModbusLink link(options(refusing.port()));
+  CHECK(link.poll(Source::inputs, kTimeout).ok);
+  ModbusServer silent([](const Asked& a) { return a.function == 4 ? -1 : 0; });
+  ModbusLink other(options(silent.port()));
+  CHECK(other.poll(Source::inputs, std::chrono::milliseconds(80)).cause == Cause::timeout);
+  CHECK_FALSE(other.poll(Source::inputs, std::chrono::milliseconds(80)).ok);
+  (void)other.poll(Source::inputs, std::chrono::milliseconds(80));
+  CHECK(other.poll(Source::inputs, kTimeout).ok);
+}
+
 TEST_CASE("a restarted link asks at once as the last one had learned, and asks again after an hour") {
   const tacho::test::TempDir dir;
   const std::filesystem::path file = dir / "learned.json";
