@@ -274,9 +274,10 @@ void Poller::judge_link(Lane& lane, const PollResult& result) {
     return other.get() != &lane && other->answered_us > tried_us;
   });
   if (others_answered && !of_the_peer(result.cause)) {
-    const Micros backoff = lane.silence ? lane.silence->backoff_us * 2 : options_.backoff_min_us;
-    const Micros least = std::min(backoff, options_.silence_max_us);
-    lane.silence = Outage{result.cause, result.detail, asked_us_ + least, least};
+    const bool longer = lane.silence && !result.ok;  // part of an answer is worth asking for
+    const Micros backoff =
+        longer ? std::min(lane.silence->backoff_us * 2, options_.silence_max_us) : options_.backoff_min_us;
+    lane.silence = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
     return;
   }
   tell_link(result);
