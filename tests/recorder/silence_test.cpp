@@ -76,6 +76,21 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a source that is answered in part is asked as often as planned, whatever closes the connection") {
+  PollerBench bench({{Source::inputs, 500'000, 0}, {Source::registers, 500'000, 250'000}}, [](Source source, Micros) {
+    Act act;
+    act.missing = source == Source::registers ? "missing [3x]120-140" : "";
+    act.drops_connection = source == Source::registers;
+    act.cause = Cause::closed;
+    return act;
+  });
+  bench.run(kMinute);
+  CHECK(bench.poller->counters(0).stored.load() == 120);
+  CHECK(bench.poller->counters(1).stored.load() == 120);
+  CHECK(bench.events(EventKind::link_down) == 0);
+  check_accounts(bench);
+}
+
 TEST_CASE("of a robot whose slow source alone is answered, the quick one is soon asked seldom, and the link stays up") {
   PollerBench bench({{Source::status, 10 * kSecond, 0}, {Source::io, 500'000, 250'000}},
                     [](Source source, Micros) { return source == Source::status ? Act{} : silent(); });
