@@ -441,6 +441,9 @@ void validate(const Config& config) {
   }
   std::set<std::string> names;
   for (const RobotConfig& robot : config.robots) {
+    if (printable(robot.name) != robot.name) {
+      throw UsageError(printable(named(robot)), "the name has control characters", "use letters, digits and signs");
+    }
     if (!names.insert(robot.name).second) {
       throw UsageError(named(robot), "given twice", "every robot needs its own name");
     }

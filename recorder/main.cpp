@@ -4,10 +4,12 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "recorder/check.hpp"
@@ -69,6 +71,7 @@ int tail_command(const LogArguments& arguments) {
     for_us = length(arguments.run_for, "--for");
   }
   Tail(std::move(options), wall_now_us() - last_us).follow(for_us);
+  std::clearerr(stdout);  // it ends when nobody reads any more
   return 0;
 }
 
@@ -180,12 +183,22 @@ int parse_and_run(int argc, char** argv) {
   return check_cmd->parsed() ? check_command(arguments) : run_command(arguments);
 }
 
+/// What was printed must have gone somewhere. A reader that has left is no error.
+int with_output(int code) {
+  errno = 0;
+  if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE) {
+    throw Error("standard output", errno != 0 ? std::generic_category().message(errno) : "cannot be written",
+                "what was printed is not complete");
+  }
+  return code;
+}
+
 }  // namespace
 }  // namespace tacho::recorder
 
 int main(int argc, char** argv) {
   try {
-    return tacho::recorder::parse_and_run(argc, argv);
+    return tacho::recorder::with_output(tacho::recorder::parse_and_run(argc, argv));
   } catch (const tacho::recorder::UsageError& error) {
     fmt::print(stderr, "tacho-recorder: error: {}\n", error.what());
     return tacho::recorder::kUsage;

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
@@ -16,6 +15,7 @@
 #include "recorder/metrics.hpp"
 #include "recorder/metrics_server.hpp"
 #include "recorder/notify.hpp"
+#include "recorder/outlet.hpp"
 #include "recorder/recorder.hpp"
 #include "schema/time.hpp"
 
@@ -79,10 +79,9 @@ class Run {
     console_.status(recorder_.snapshot());
     console_.end_status();
     console_.flush();  // before the table, when both go to one terminal
-    fmt::print("{}", summary_text(summary));
-    std::fflush(stdout);
+    Outlet(STDOUT_FILENO).put(summary_text(summary));
     if (const std::string why = nothing_recorded(summary); !why.empty()) {
-      fmt::print(stderr, "tacho-recorder: error: {}\n", why);
+      Outlet(STDERR_FILENO).put(fmt::format("tacho-recorder: error: {}\n", why));
       return 1;
     }
     return 0;

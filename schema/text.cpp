@@ -49,9 +49,33 @@ std::string did_you_mean(std::string_view name, std::span<const std::string> can
   return found.empty() ? "" : "; did you mean '" + found + "'?";
 }
 
+namespace {
+
+/// Bytes of the character at `at` that steers: C0 and DEL, C1 (U+0080 to U+009F), marks of writing direction (U+200E,
+/// U+200F, U+202A to U+202E, U+2066 to U+2069); 0 when it is none.
+std::size_t steering(std::string_view text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return at + i < text.size() ? static_cast<unsigned char>(text[at + i]) : 0U; };
+  if (byte(0) < 0x20 || byte(0) == 0x7F) {
+    return 1;
+  }
+  if (byte(0) == 0xC2 && byte(1) >= 0x80 && byte(1) < 0xA0) {
+    return 2;
+  }
+  const bool marks = byte(1) == 0x80 && (byte(2) == 0x8E || byte(2) == 0x8F || (byte(2) >= 0xAA && byte(2) <= 0xAE));
+  const bool isolates = byte(1) == 0x81 && byte(2) >= 0xA6 && byte(2) <= 0xA9;
+  return byte(0) == 0xE2 && (marks || isolates) ? 3 : 0;
+}
+
+}  // namespace
+
 std::string printable(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }, ' ');
+  std::size_t to = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t steers = steering(text, at);
+    text[to++] = steers > 0 ? ' ' : text[at];
+    at += std::max<std::size_t>(steers, 1);
+  }
+  text.resize(to);
   return text;
 }
 

@@ -17,7 +17,7 @@ DataTable flood_table(const AlarmData& data) {
                    {"from", "", "Raise that made it a flood", false, true},
                    {"to", "", "When fewer were left in the window", false, true},
                    {"duration_s", "s", "Length"},
-                   integer_column("raises", "Alarms in it"),
+                   integer_column("raises", "Alarms of the window that made it one, and since"),
                    integer_column("peak", "Most in one window"),
                    {"first_out", "", "Oldest alarm in the window that started it"},
                    {"first_out_robot", "", "Robot that had it"}};

@@ -37,8 +37,13 @@ const char* episode_class_name(EpisodeClass cls) {
 
 Micros Episode::onset_mid_us() const { return onset_lo_us ? middle(*onset_lo_us, onset_hi_us) : onset_hi_us; }
 Micros Episode::end_mid_us() const { return end_hi_us ? middle(end_lo_us, *end_hi_us) : end_lo_us; }
-double Episode::duration_lo_s() const { return std::max(0.0, to_seconds(end_lo_us - onset_hi_us)); }
-double Episode::duration_mid_s() const { return std::max(0.0, to_seconds(end_mid_us() - onset_mid_us())); }
+double Episode::duration_lo_s() const { return std::max(0.0, to_seconds(end_lo_us - onset_hi_us - unseen_us)); }
+/// Gaps are no observed time, so what may have lasted into one ends where it was seen last.
+double Episode::duration_mid_s() const {
+  const Micros from_us = onset_in_gap ? onset_hi_us : onset_mid_us();
+  const Micros to_us = end_in_gap ? end_lo_us : end_mid_us();
+  return std::max(0.0, to_seconds(to_us - from_us - unseen_us));
+}
 
 std::optional<double> Episode::duration_hi_s() const {
   if (!onset_lo_us || !end_hi_us) {
@@ -105,6 +110,7 @@ void EpisodeMachine::append(Episode next) {
   Episode& whole = episodes_.back();
   ++whole.joined;
   whole.over_gap = whole.over_gap || next.onset_in_gap;
+  whole.unseen_us += next.unseen_us + (next.onset_in_gap ? next.onset_hi_us - whole.end_lo_us : 0);
   whole.end_lo_us = next.end_lo_us;
   whole.end_hi_us = next.end_hi_us;
   whole.end_in_gap = next.end_in_gap;

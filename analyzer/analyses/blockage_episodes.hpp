@@ -43,6 +43,7 @@ struct Episode {
   std::int64_t joined = 0;  ///< further runs joined to the first
   bool onset_in_gap = false;
   bool end_in_gap = false;
+  Micros unseen_us = 0;   ///< of gaps inside it: counted in the longest possible duration alone
   bool over_gap = false;  ///< assumed to be one across a gap: same place, same reason
 
   [[nodiscard]] Micros onset_mid_us() const;

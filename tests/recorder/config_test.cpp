@@ -224,6 +224,7 @@ TEST_CASE("timeout, the parameter that raises an alarm on the robot, cannot be a
 
 TEST_CASE("settings that cannot work together are refused") {
   CHECK(has(error_of(std::string("log = 'x'\n")), "none given"));
+  CHECK(has(error_of("[[robot]]\nname=\"a\\u001b[31m\"\nhost='b'\n"), "the name has control characters"));
   CHECK(has(error_of(kRobot + kRobot), "site.toml:4:1: robot amr-1 is given twice, first at site.toml:1:1"));
   Overrides twice = with_robot();
   twice.robots.push_back(twice.robots[0]);

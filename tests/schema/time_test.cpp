@@ -1,4 +1,5 @@
 #include "schema/time.hpp"
+#include "schema/text.hpp"
 
 #include "tests/support/catch.hpp"
 
@@ -52,6 +53,8 @@ TEST_CASE("durations are a number and a unit") {
   }
   CHECK(duration_text(3'723'000'000) == "1 h 02 min 03 s");
   CHECK(duration_text(90'000) == "90 ms");
+  CHECK(printable("a\x1b[31m\n\x7f \u009b31m \u202eb \u2068c ä障") == "a [31m    31m  b  c ä障");
+  CHECK(printable("\xC2") == "\xC2");
   CHECK(offset_text(254'000) == "+0.25 s");
   CHECK(offset_text(-3'000) == "+0.00 s");
   CHECK(offset_text(-7'000) == "-0.01 s");
