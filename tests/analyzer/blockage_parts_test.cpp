@@ -240,7 +240,10 @@ TEST_CASE("blocked on both sides of a gap is one episode only at the same place"
   same.on(60, 1, {5.02, 5.0}, true);
   same.off(61);
   REQUIRE(same.done().size() == 1);
-  CHECK(same.machine.episodes().front().over_gap);
+  const Episode& whole = same.machine.episodes().front();
+  CHECK(whole.over_gap);
+  CHECK(whole.duration_mid_s() == Approx(0.99));  // what was seen of it
+  CHECK(whole.duration_hi_s() == Approx(61.01));
 
   Flags elsewhere;
   elsewhere.off(0);
