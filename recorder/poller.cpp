@@ -128,14 +128,14 @@ void Poller::emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const st
   emit(lane, seq, {EventKind::rate, subject, rate_text(before_us), rate_text(period_us), why});
 }
 
-/// What keeps the lane from being asked now.
+/// What keeps the lane from being asked now. An outage that another lane has met is believed once this one has met it,
+/// too: its answer may be what tells them apart.
 const Poller::Outage* Poller::held(const Lane& lane, Micros now_us) const {
-  for (const std::optional<Outage>* outage : {&outage_, &lane.silence}) {
-    if (*outage && now_us < (*outage)->retry_us) {
-      return &**outage;
-    }
+  const bool met = outage_ && (of_the_peer(outage_->cause) || lane.tried_us >= outage_->since_us);
+  if (met && now_us < outage_->retry_us) {
+    return &*outage_;
   }
-  return nullptr;
+  return lane.silence && now_us < lane.silence->retry_us ? &*lane.silence : nullptr;
 }
 
 void Poller::serve(Lane& lane, Micros now_us) {
@@ -150,8 +150,9 @@ void Poller::serve(Lane& lane, Micros now_us) {
   }
   if (const std::uint64_t late = lane.schedule->overrun(now_us); late > 0) {
     // What went by while a dead link held the thread is the link's fault, else the robot was slow.
-    if (outage_) {
-      miss(lane, late, outage_->cause, outage_->detail);
+    const bool lost = lost_by_ && lane.schedule->next_due_us() <= lost_by_->retry_us;
+    if (const Outage* const outage = outage_ ? &*outage_ : lost ? &*lost_by_ : nullptr) {
+      miss(lane, late, outage->cause, outage->detail);
     } else {
       miss(lane, late, Cause::overrun, "earlier polls on this connection took too long, or this host slept");
     }
@@ -273,19 +274,27 @@ void Poller::judge_link(Lane& lane, const PollResult& result) {
   const bool others_answered = std::any_of(lanes_.begin(), lanes_.end(), [&](const auto& other) {
     return other.get() != &lane && other->answered_us > tried_us;
   });
-  if (others_answered && !of_the_peer(result.cause)) {
+  if (result.ok || (others_answered && !of_the_peer(result.cause))) {
     const bool longer = lane.silence && !result.ok;  // part of an answer is worth asking for
     const Micros backoff =
         longer ? std::min(lane.silence->backoff_us * 2, options_.silence_max_us) : options_.backoff_min_us;
-    lane.silence = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
+    if (result.ok) {
+      tell_link(result);
+      outage_.reset();
+    } else if (!lane.silence) {
+      lost_by_ = Outage{result.cause, result.detail, clock_.mono_us(), 0, asked_us_};
+    }
+    lane.silence = Outage{result.cause, result.detail, asked_us_ + backoff, backoff, asked_us_};
     return;
   }
   tell_link(result);
   // A robot that says it has too many clients is there, and asking soon does not help it; any other is to be heard
   // within a second of its return.
   const Micros most = result.cause == Cause::client_limit ? options_.backoff_max_us : options_.retry_max_us;
-  const Micros backoff = std::min(outage_ && !result.ok ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
-  outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff};
+  const Micros backoff = std::min(outage_ ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
+  const Micros since_us = outage_ ? outage_->since_us : asked_us_;
+  outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff, since_us};
+  lost_by_ = Outage{result.cause, result.detail, clock_.mono_us(), 0, asked_us_};
 }
 
 /// Events of the connection are events of its first source, whichever noticed.
@@ -297,7 +306,7 @@ void Poller::tell_link(const PollResult& result) {
     announced_ = true;
     emit(first, seq, {EventKind::link_up, {}, {}, {}, {}});
   }
-  if (!connected && !(result.ok && !result.partial) && (up_.exchange(false) || !announced_)) {
+  if (!connected && !result.ok && (up_.exchange(false) || !announced_)) {
     announced_ = true;
     emit(first, seq, {EventKind::link_down, {}, {}, std::string(cause_name(result.cause)), result.detail});
   }

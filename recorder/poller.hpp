@@ -93,6 +93,7 @@ class Poller {
     std::string detail;
     Micros retry_us = 0;  // monotonic
     Micros backoff_us = 0;
+    Micros since_us = 0;  // monotonic
   };
   struct Lane {
     PolledSource plan;
@@ -131,6 +132,8 @@ class Poller {
   Sink& sink_;
   std::vector<std::unique_ptr<Lane>> lanes_;  // counters are atomics: not movable
   std::optional<Outage> outage_;              ///< of the connection
+  /// The last poll that failed, but for those of a source that is known to be silent; retry_us: when it ended.
+  std::optional<Outage> lost_by_;
   std::atomic<bool> up_{false};
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too
   Micros asked_us_ = 0;     // when the last poll began

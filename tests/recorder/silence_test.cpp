@@ -91,6 +91,43 @@ TEST_CASE("a source that is answered in part is asked as often as planned, whate
   check_accounts(bench);
 }
 
+TEST_CASE("law: whichever source fails, however fast and in whatever order, the others are asked as planned") {
+  std::mt19937 random(7);
+  const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+  for (int run = 0; run < 200; ++run) {
+    const Micros bad = between(2, 10) * 100'000;
+    const Micros good = between(2, 10) * 100'000;
+    const bool in_part = run % 3 == 0;
+    const std::vector<PolledSource> sources{{Source::registers, bad, between(0, 5) * 13'000},
+                                            {Source::inputs, good, between(0, 1) * good / 2}};
+    PollerBench bench(sources, [&](Source source, Micros) {
+      Act act;
+      if (source == Source::registers) {
+        act = Act{in_part, 5'000, Cause::closed, false, in_part ? "missing [3x]120-140" : "", true};
+      }
+      return act;
+    });
+    bench.run(10 * kMinute);
+    INFO("run " << run << ": " << bad << " and " << good << " us" << (in_part ? ", in part" : ""));
+    const SourceCounters& healthy = bench.poller->counters(1);
+    CHECK(healthy.planned.load() - healthy.stored.load() <= 3);
+    CHECK(bench.events(EventKind::link_down) <= 6);  // until the others have told often enough
+    CHECK((!in_part || bench.poller->counters(0).stored.load() * 2 >= bench.poller->counters(0).planned.load()));
+    check_accounts(bench);
+  }
+}
+
+TEST_CASE("an outage is what it is from its first poll on, of every source") {
+  PollerBench bench({{Source::registers, 200'000, 0}, {Source::inputs, 200'000, 100'000}},
+                    [](Source, Micros now) { return now < 10 * kSecond || now >= 40 * kSecond ? Act{} : silent(); });
+  bench.run(50 * kSecond);
+  for (const Gap& gap : bench.sink.gaps) {
+    CHECK(gap.cause != Cause::overrun);
+  }
+  CHECK(bench.events(EventKind::link_down) == 1);
+  check_accounts(bench);
+}
+
 TEST_CASE("of a robot whose slow source alone is answered, the quick one is soon asked seldom, and the link stays up") {
   PollerBench bench({{Source::status, 10 * kSecond, 0}, {Source::io, 500'000, 250'000}},
                     [](Source source, Micros) { return source == Source::status ? Act{} : silent(); });
