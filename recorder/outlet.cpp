@@ -1,5 +1,6 @@
 #include "recorder/outlet.hpp"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -43,7 +44,10 @@ struct Outlet::State {
   void write(std::string_view text) const {
     while (!text.empty()) {
       const ssize_t n = ::write(fd, text.data(), text.size());
-      if (n < 0 && errno != EINTR) {
+      if (n < 0 && errno == EAGAIN) {  // somebody else has set it so
+        pollfd room{fd, POLLOUT, 0};
+        ::poll(&room, 1, -1);
+      } else if (n < 0 && errno != EINTR) {
         return;  // nobody is there to be told
       }
       text.remove_prefix(n < 0 ? 0 : static_cast<std::size_t>(n));

@@ -55,7 +55,7 @@ void Ring::add(RobotId robot, Row row, Micros mono_us) {
     return;
   }
   if (mono_us < ring.open_until_us) {
-    cut_off(ring);
+    cut_off(ring, row.answer ? row.answer->meta.t_send_us : row.gap->t_from_us);
   }
   bytes_ += row.bytes();
   ring.kept.push_back({std::move(row), mono_us});
@@ -73,6 +73,10 @@ void Ring::trigger(const Event& event, const std::string& why, Micros mono_us) {
   Robot& ring = found->second;
   const bool open = mono_us < ring.open_until_us;
   const bool refused = spent(mono_us);
+  if (open && refused) {
+    cut_off(ring, event.t_us);
+    return;
+  }
   if (open || (refused && std::exchange(told_spent_, true))) {
     ring.open_until_us = refused ? 0 : mono_us + settings_.after_us;
     return;
@@ -108,11 +112,12 @@ void Ring::trigger(const Event& event, const std::string& why, Micros mono_us) {
 }
 
 /// The day's budget ends a window before its time.
-void Ring::cut_off(Robot& ring) {
+void Ring::cut_off(Robot& ring, Micros t_us) {
   ring.open_until_us = 0;
   told_spent_ = true;
   Event event = ring.window;
   event.seq = ring.counts.written;
+  event.t_us = event.t_from_us = t_us;
   event.old_value = std::to_string(ring.counts.aged_out - std::exchange(ring.told_aged_out, ring.counts.aged_out));
   event.new_value = "0";
   event.detail = fmt::format("cut off here: {} MB of this day are used up", settings_.day_bytes >> 20);

@@ -69,7 +69,7 @@ class Ring {
     std::uint64_t told_aged_out = 0;  // by the last announcement
     Counts counts;
   };
-  void cut_off(Robot& robot);
+  void cut_off(Robot& robot, Micros t_us);
   void write(Robot& robot, Row row);
   void drop_oldest(Robot& robot);
   void shrink();

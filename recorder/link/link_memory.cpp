@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
@@ -54,13 +55,9 @@ Json to_json(const LearnedRobot& robot) {
 /// The library turns any number into any other.
 template <class Whole>
 Whole whole(const Json& json) {
-  if (json.is_number_integer()) {
-    const auto value = json.is_number_unsigned() && json.get<std::uint64_t>() > std::uint64_t{INT64_MAX}
-                           ? std::int64_t{-1}
-                           : json.get<std::int64_t>();
-    if (std::in_range<Whole>(value)) {
-      return static_cast<Whole>(value);
-    }
+  const bool too_large = json.is_number_unsigned() && json.get<std::uint64_t>() > std::uint64_t{INT64_MAX};
+  if (json.is_number_integer() && !too_large && std::in_range<Whole>(json.get<std::int64_t>())) {
+    return static_cast<Whole>(json.get<std::int64_t>());
   }
   throw std::system_error(std::make_error_code(std::errc::result_out_of_range),
                           json.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 40));
@@ -75,7 +72,9 @@ std::vector<wire::Range> ranges_in(const Json& json) {
 }
 
 LearnedPlan plan_in(const Json& json) {
-  return {ranges_in(json.at("ranges")), ranges_in(json.at("illegal")), whole<Micros>(json.at("at_us"))};
+  // Not before 1970: it is subtracted from the time of day.
+  return {ranges_in(json.at("ranges")), ranges_in(json.at("illegal")),
+          std::max<Micros>(0, whole<Micros>(json.at("at_us")))};
 }
 
 LearnedRobot robot_in(const Json& json) {

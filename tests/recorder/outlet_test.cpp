@@ -73,6 +73,15 @@ TEST_CASE("nobody waits for a reader that has stopped, and one that reads again 
   CHECK(pipe.read(5) == "again");
 }
 
+TEST_CASE("a descriptor that somebody has made non-blocking loses nothing") {
+  Pipe pipe;
+  ::fcntl(pipe.ends[1], F_SETFL, O_NONBLOCK);
+  Outlet outlet(pipe.ends[1]);
+  CHECK(outlet.put(std::string(200'000, 'x')));
+  std::this_thread::sleep_for(20ms);
+  CHECK(pipe.read(200'000) == std::string(200'000, 'x'));
+}
+
 TEST_CASE("the end waits a second for a reader that has stopped, and no longer") {
   Pipe pipe;
   std::size_t put = 0;

@@ -165,7 +165,18 @@ TEST_CASE("a window that the day's budget cuts off says so, where it ends") {
   CHECK(bench.announced[1].new_value == "0");
   CHECK(bench.announced[1].detail.find("cut off") != std::string::npos);
   CHECK(bench.announced[1].seq == bench.written.size());
+  CHECK(bench.announced[1].t_us > bench.announced[0].t_us);
   CHECK(bench.written.size() < 300);
+
+  Bench again({10 * kSecond, 50 * kSecond, 1u << 20, 40'000});
+  again.polls(0, 10 * kSecond);
+  again.ring.trigger(kBlocked, "blocked", 10 * kSecond);
+  Micros t = 10 * kSecond;
+  for (std::size_t before = 0; before != again.written.size(); t += kPeriod) {  // until nothing more would be written
+    before = again.written.size();
+    again.poll(1, t);
+  }
+  CHECK(again.announced.size() == 2);
 }
 
 TEST_CASE("a trigger of a robot without a ring, or of another one, opens nothing") {
