@@ -1,16 +1,11 @@
 #pragma once
-// Head and directory of a block.
+// Head and directory of a block. FORMAT.md has the bytes.
 //
-//   head       kHeadBytes, fixed, little-endian: magic "TACHOBLK", version u8, source u8, word order u8, 0, checksum
-//   u32
-//              (CRC-32C of head and directory without these four bytes), bytes of the block u64, bytes of the directory
-//              u32, robot u32, session u32, rows u32, rows kept raw u32, first and last seq u64, t_send of first and
-//              last row i64
-//   directory  columns; frame of the shapes (count, bytes, checksum); frame of the constants (same); then, for each
-//              column that is not constant, how many constant ones stand before it, and its entry
+//   head       kBlockHeadBytes, fixed, little-endian; with the checksum of head and directory
+//   directory  columns; frame of the shapes; frame of the constants; then, for each column that is not constant, how
+//              many constant ones stand before it, and its entry
 //   frames     shapes, constants, columns: shortest first, those of the parts of a composite counted and stored with
-//   it,
-//              equal ones in the order of the directory. Nearly all that analyses ask for is short, so reading six
+//              it, equal ones in the order of the directory. Nearly all that analyses ask for is short, so reading six
 //              columns touches the first eighth of a block.
 //
 // Columns 0 to kRowColumns - 1 belong to the rows, the others to the leaves of the shapes in the order of ShapeTable.
