@@ -131,6 +131,12 @@ class Run {
                                 : fmt::format("mark for '{}', which is not recorded: {}", mark.robot, mark.text));
   }
 
+  void mark_what_was_told() {
+    while (const std::optional<Mark> told = marks_ ? marks_->next() : std::nullopt) {
+      mark(*told);
+    }
+  }
+
   bool ended_by_signal() {
     const timespec wait{0, 50'000'000};
     const int signal = sigtimedwait(&signals_, nullptr, &wait);
@@ -140,6 +146,7 @@ class Run {
       return false;
     }
     if (signal == SIGUSR1) {
+      mark_what_was_told();  // it came before
       mark({"", "signal SIGUSR1"});
       return false;
     }
@@ -151,9 +158,7 @@ class Run {
 
   void tick() {
     const Micros now_us = mono_now_us();
-    while (const std::optional<Mark> told = marks_ ? marks_->next() : std::nullopt) {
-      mark(*told);
-    }
+    mark_what_was_told();
     const std::string sick = stuck(recorder_.beats());
     if (sick.empty()) {
       notifier_.alive(now_us);
