@@ -3,6 +3,8 @@
 // in place by one write, so that it does not flicker. Nobody waits for it to be read: what does not fit is left out and
 // counted.
 
+#include <unistd.h>
+
 #include <cstddef>
 #include <mutex>
 #include <string>
@@ -38,7 +40,7 @@ class Console {
   std::mutex mutex_;
   std::vector<std::string> lines_;
   std::size_t lost_ = 0;  // messages since the last one that was taken
-  Outlet outlet_{2};
+  Outlet outlet_{STDERR_FILENO};
 };
 
 /// The table printed at the end of a recording: per robot and source planned, stored, missed by cause.

@@ -69,7 +69,7 @@ void Poller::run(Micros start_us, Micros end_us) {
     Lane* const lane = next_lane();
     // Without a lane the connection is held all the same: some robots stop when their last client goes.
     const Micros due_us = lane == nullptr ? end_us
-                          : lane->pace    ? std::max(outage_ ? outage_->retry_us : start_us, clock_.mono_us())
+                          : lane->pace    ? std::max(outage_ ? outage_->until_us : start_us, clock_.mono_us())
                                           : lane->schedule->next_due_us();
     // While the link is down nothing is sent, so nothing needs to keep a distance.
     const bool waiting = lane != nullptr && held(*lane, due_us) != nullptr;
@@ -132,10 +132,10 @@ void Poller::emit_rate(Lane& lane, std::uint64_t seq, Micros period_us, const st
 /// too: its answer may be what tells them apart.
 const Poller::Outage* Poller::held(const Lane& lane, Micros now_us) const {
   const bool met = outage_ && (of_the_peer(outage_->cause) || lane.tried_us >= outage_->since_us);
-  if (met && now_us < outage_->retry_us) {
+  if (met && now_us < outage_->until_us) {
     return &*outage_;
   }
-  return lane.silence && now_us < lane.silence->retry_us ? &*lane.silence : nullptr;
+  return lane.silence && now_us < lane.silence->until_us ? &*lane.silence : nullptr;
 }
 
 void Poller::serve(Lane& lane, Micros now_us) {
@@ -150,7 +150,7 @@ void Poller::serve(Lane& lane, Micros now_us) {
   }
   if (const std::uint64_t late = lane.schedule->overrun(now_us); late > 0) {
     // What went by while a dead link held the thread is the link's fault, else the robot was slow.
-    const bool lost = lost_by_ && lane.schedule->next_due_us() <= lost_by_->retry_us;
+    const bool lost = lost_by_ && lane.schedule->next_due_us() <= lost_by_->until_us;
     if (const Outage* const outage = outage_ ? &*outage_ : lost ? &*lost_by_ : nullptr) {
       miss(lane, late, outage->cause, outage->detail);
     } else {
@@ -263,38 +263,40 @@ void Poller::judge_link(Lane& lane, const PollResult& result) {
   if (result.ok || connected) {
     lane.answered_us = asked_us_;
   }
-  // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
-  if (connected || (result.ok && !result.partial)) {
-    tell_link(result);
-    outage_.reset();
-    lane.silence.reset();
-    return;
-  }
   // Since it was asked the last time: longer ago, the robot may have gone since.
   const bool others_answered = std::any_of(lanes_.begin(), lanes_.end(), [&](const auto& other) {
     return other.get() != &lane && other->answered_us > tried_us;
   });
-  if (result.ok || (others_answered && !of_the_peer(result.cause))) {
+  const bool alone = !result.ok && !connected && others_answered && !of_the_peer(result.cause);
+  if (!alone) {
+    tell_link(result);
+  }
+  if (result.ok || connected) {
+    outage_.reset();
+  }
+  // A whole answer after which the link closed a connection that was out of step: the next poll opens another one.
+  if (connected || (result.ok && !result.partial)) {
+    lane.silence.reset();
+    return;
+  }
+  const Outage failure{result.cause, result.detail, clock_.mono_us(), 0, asked_us_};
+  if (result.ok || alone) {
     const bool longer = lane.silence && !result.ok;  // part of an answer is worth asking for
     const Micros backoff =
         longer ? std::min(lane.silence->backoff_us * 2, options_.silence_max_us) : options_.backoff_min_us;
-    if (result.ok) {
-      tell_link(result);
-      outage_.reset();
-    } else if (!lane.silence) {
-      lost_by_ = Outage{result.cause, result.detail, clock_.mono_us(), 0, asked_us_};
+    if (alone && !lane.silence) {
+      lost_by_ = failure;
     }
     lane.silence = Outage{result.cause, result.detail, asked_us_ + backoff, backoff, asked_us_};
     return;
   }
-  tell_link(result);
   // A robot that says it has too many clients is there, and asking soon does not help it; any other is to be heard
   // within a second of its return.
   const Micros most = result.cause == Cause::client_limit ? options_.backoff_max_us : options_.retry_max_us;
   const Micros backoff = std::min(outage_ ? outage_->backoff_us * 2 : options_.backoff_min_us, most);
   const Micros since_us = outage_ ? outage_->since_us : asked_us_;
   outage_ = Outage{result.cause, result.detail, asked_us_ + backoff, backoff, since_us};
-  lost_by_ = Outage{result.cause, result.detail, clock_.mono_us(), 0, asked_us_};
+  lost_by_ = failure;
 }
 
 /// Events of the connection are events of its first source, whichever noticed.

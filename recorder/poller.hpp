@@ -91,7 +91,7 @@ class Poller {
   struct Outage {
     Cause cause = Cause::timeout;
     std::string detail;
-    Micros retry_us = 0;  // monotonic
+    Micros until_us = 0;  // monotonic: what is due until then is lost by it
     Micros backoff_us = 0;
     Micros since_us = 0;  // monotonic
   };
@@ -132,7 +132,7 @@ class Poller {
   Sink& sink_;
   std::vector<std::unique_ptr<Lane>> lanes_;  // counters are atomics: not movable
   std::optional<Outage> outage_;              ///< of the connection
-  /// The last poll that failed, but for those of a source that is known to be silent; retry_us: when it ended.
+  /// While the last poll that failed went on; but for those of a source that is known to be silent.
   std::optional<Outage> lost_by_;
   std::atomic<bool> up_{false};
   bool announced_ = false;  // whether any link event was emitted: the first state is news, too

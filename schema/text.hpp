@@ -17,7 +17,8 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
 /// "; did you mean 'x'?" or empty.
 std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
 
-/// Control characters and marks of writing direction become spaces: what robots and people wrote must neither steer a terminal nor forge a line.
+/// Control characters and marks of writing direction become spaces: what robots and people wrote must neither steer a
+/// terminal nor forge a line.
 std::string printable(std::string text);
 
 }  // namespace tacho

@@ -360,34 +360,27 @@ PollResult ModbusLink::ask(Source source, Micros timeout_us) {
   return result;
 }
 
-/// Inputs show nowhere that they were asked for at the wrong addresses, registers do: they are looked at first. Their
-/// answer is not kept. Failed when there is none.
-PollResult ModbusLink::look_for_shift(Micros timeout_us) {
+/// Inputs show nowhere that they were asked for at the wrong addresses, registers do: they are looked at first, and
+/// their answer is not kept. Where there is none, that is the outcome.
+PollResult ModbusLink::ask_first_inputs(Micros timeout_us) {
+  const Micros begin_us = mono_now_us();
   PollResult seen = ask(Source::registers, timeout_us);
   placed_ = placed_ || seen.cause == Cause::modbus_exception || --looks_left_ == 0;
   guess_.reset();  // the first registers that are kept say what was found
   settled_ = false;
   sweeps_until_guess_ = 0;
   std::erase_if(seen.notes, [](const LinkNote& note) { return note.subject != kShiftSubject; });
-  return seen;
+  if (!placed_) {
+    return seen;
+  }
+  PollResult result = ask(Source::inputs, std::max<Micros>(timeout_us - (mono_now_us() - begin_us), 0));
+  result.notes.insert(result.notes.begin(), seen.notes.begin(), seen.notes.end());
+  return result;
 }
 
 PollResult ModbusLink::poll(Source source, std::chrono::milliseconds timeout) {
   const Micros timeout_us = std::chrono::microseconds(timeout).count();
-  const Micros begin_us = mono_now_us();
-  std::vector<LinkNote> notes;
-  PollResult result;
-  if (source == Source::inputs && !placed_) {
-    result = look_for_shift(timeout_us);
-    notes = std::move(result.notes);
-  }
-  if (source != Source::inputs || placed_) {
-    result = ask(source, std::max<Micros>(timeout_us - (mono_now_us() - begin_us), 0));
-  } else {
-    result.ok = false;
-  }
-  result.notes.insert(result.notes.begin(), std::make_move_iterator(notes.begin()),
-                      std::make_move_iterator(notes.end()));
+  PollResult result = source == Source::inputs && !placed_ ? ask_first_inputs(timeout_us) : ask(source, timeout_us);
   learn();
   if (!result.ok && socket_.interrupted()) {
     result.cause = Cause::shutdown;

@@ -73,7 +73,7 @@ class ModbusLink final : public Link {
   Reply refused(Sweep& sweep, wire::Range range, int code);
   Reply unanswered(Sweep& sweep, wire::Range range, std::size_t size, Micros waited_us);
   Reply give_up(Sweep& sweep, Cause cause, std::string why);
-  PollResult look_for_shift(Micros timeout_us);
+  PollResult ask_first_inputs(Micros timeout_us);
   bool detect(PollResult& result);
   void recall();
   void learn();

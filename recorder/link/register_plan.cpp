@@ -217,52 +217,55 @@ void RegisterPlan::drop_answered() {
   });
 }
 
+void RegisterPlan::visit_run(Range run, const Ask& ask, int& extra, Pieces& out) const {
+  if (out.last == run) {
+    out.put_off = true;
+    return;
+  }
+  if (out.stop) {
+    out.unknown.push_back(run);
+    return;
+  }
+  const Reply reply = ask_run(run, ask, extra, out);
+  out.refused = out.refused || reply == Reply::bad_address || reply == Reply::bad_count;
+}
+
+/// A range; when it spans gaps and is refused, its runs.
+void RegisterPlan::visit(Range range, const Ask& ask, int& extra, Pieces& out) const {
+  if (out.last == range || out.stop || !spans_gaps(range)) {
+    visit_run(range, ask, extra, out);
+    return;
+  }
+  const Reply reply = ask(range);
+  if (reply != Reply::bad_address && reply != Reply::bad_count) {
+    (reply == Reply::ok ? out.good : out.unknown).push_back(range);
+    out.stop = reply == Reply::stop;
+    return;
+  }
+  out.refused = true;
+  for (const Range run : runs_inside(range)) {
+    visit_run(run, ask, extra, out);
+  }
+}
+
 std::vector<Range> RegisterPlan::sweep(const Ask& ask, const std::optional<Range>& last) {
   Pieces pieces;
+  pieces.last = last;
   int extra = 0;
-  bool refused = false;
-  const auto visit_run = [&](Range run) {
-    if (pieces.stop) {
-      pieces.unknown.push_back(run);
-      return;
-    }
-    const Reply reply = ask_run(run, ask, extra, pieces);
-    refused = refused || reply == Reply::bad_address || reply == Reply::bad_count;
-  };
-  bool put_off = false;
-  const auto is_last = [&](Range range) { return last && *last == range; };
-  const auto visit = [&](Range range) {
-    if (pieces.stop || !spans_gaps(range)) {
-      visit_run(range);
-      return;
-    }
-    const Reply reply = ask(range);
-    if (reply != Reply::bad_address && reply != Reply::bad_count) {
-      (reply == Reply::ok ? pieces.good : pieces.unknown).push_back(range);
-      pieces.stop = reply == Reply::stop;
-      return;
-    }
-    refused = true;
-    for (const Range run : runs_inside(range)) {
-      if (is_last(run)) {
-        put_off = true;
-      } else {
-        visit_run(run);
-      }
-    }
-  };
   for (const Range range : ranges_) {
-    if (is_last(range)) {
-      put_off = true;
-    } else {
-      visit(range);
-    }
+    visit(range, ask, extra, pieces);
   }
-  if (put_off) {
-    visit(*last);
+  if (pieces.put_off) {
+    pieces.last.reset();
+    visit(*last, ask, extra, pieces);
   }
+  return learn(pieces);
+}
+
+/// What was refused for good and is not asked again.
+std::vector<Range> RegisterPlan::learn(const Pieces& pieces) {
   // A server that refuses everything may just be starting: nothing is learned from it.
-  if (!refused || pieces.good.empty()) {
+  if (!pieces.refused || pieces.good.empty()) {
     if (!pieces.good.empty() && pieces.unknown.empty()) {
       drop_answered();
     }

@@ -58,8 +58,14 @@ class RegisterPlan {
     std::vector<wire::Range> good;     // answered, in any order
     std::vector<wire::Range> unknown;  // not settled: ask again next time
     std::vector<wire::Range> illegal;
+    std::optional<wire::Range> last;  // not to be asked yet
+    bool put_off = false;             // it was its turn
+    bool refused = false;             // something was
     bool stop = false;
   };
+  void visit(wire::Range range, const Ask& ask, int& extra, Pieces& out) const;
+  void visit_run(wire::Range run, const Ask& ask, int& extra, Pieces& out) const;
+  std::vector<wire::Range> learn(const Pieces& pieces);
   Reply ask_run(wire::Range run, const Ask& ask, int& extra, Pieces& out) const;
   void bisect(wire::Range refused, const Ask& ask, int& extra, Pieces& out) const;
   void halve(wire::Range refused, const Ask& ask, int& extra, Pieces& out) const;

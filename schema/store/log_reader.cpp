@@ -111,6 +111,7 @@ struct LogReader::Impl {
   void drop_copies();
   void merge_heads();
   void merge_coverage();
+  ColumnQuery query_of(RobotId robot, Window window);
   void lead_in(RobotId robot, Window window, InputGates& gates);
   PartReader reader(const PartHead& head, Access how = Access::careful);
   PartReader& kept_reader(const PartHead& head);
@@ -415,6 +416,13 @@ std::vector<LogReader::PartInfo> LogReader::parts() const {
   return out;
 }
 
+/// Of no source yet.
+ColumnQuery LogReader::Impl::query_of(RobotId robot, Window window) {
+  ColumnQuery query{{robot, {}, window}, {}, &decoders, &blocks, {}, {}, {}};
+  query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return stream_of(meta); };
+  return query;
+}
+
 /// Lets the gates know the inputs of the time before a window, on which the first registers in it depend.
 void LogReader::Impl::lead_in(RobotId robot, Window window, InputGates& gates) {
   Micros lead_us = 0;
@@ -426,10 +434,9 @@ void LogReader::Impl::lead_in(RobotId robot, Window window, InputGates& gates) {
     return;
   }
   const Window before{window.from_us - lead_us, window.from_us};
-  ColumnQuery query{{robot, {}, before}, {}, &decoders, &blocks, {}, {}, {}};
+  ColumnQuery query = query_of(robot, before);
   query.answers.sources[static_cast<std::size_t>(Source::inputs)] = true;
   query.wanted[static_cast<std::size_t>(Source::inputs)] = gates.flags();
-  query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return stream_of(meta); };
   each_part([&](const PartHead& head) {
     if (!PartReader::has_answers(head, query.answers)) {
       return;
@@ -450,12 +457,12 @@ void LogReader::Impl::lead_in(RobotId robot, Window window, InputGates& gates) {
 void LogReader::read(RobotId robot, Window window, const Selection& selection,
                      const std::function<void(const Slice&)>& yield) {
   InputGates gates(selection.fields[static_cast<std::size_t>(Source::registers)]);
-  ColumnQuery query{{robot, selection.rows, window}, selection.fields, &impl_->decoders, &impl_->blocks, {}, {}, {}};
+  ColumnQuery query = impl_->query_of(robot, window);
+  query.wanted = selection.fields;
   query.wanted[static_cast<std::size_t>(Source::inputs)] |= gates.flags();
   for (std::size_t s = 0; s < kSourceCount; ++s) {
-    query.answers.sources[s] = query.answers.sources[s] || query.wanted[s].any();
+    query.answers.sources[s] = selection.rows[s] || query.wanted[s].any();
   }
-  query.stream_of = [this](const AnswerMeta& meta) -> const Stream& { return impl_->stream_of(meta); };
   impl_->lead_in(robot, window, gates);
   Slicer slicer(robot, selection, gates, yield);
   const bool records = selection.records || gates.needed();

@@ -15,7 +15,8 @@ class UnsavedRows {
   /// While the disk fails for days, some 10 MB of them wait for it; later ones are dropped.
   static constexpr std::size_t kMost = 20'000;
 
-  /// Runs `write`, which writes the row, after those that wait; then the row is one of them, also when that throws.
+  /// Runs `write`, which writes the row and, in a new transaction, those that wait; then the row is one of them, also
+  /// when that throws.
   template <class Row, class Write>
   void keep(const Row& row, Write write) {
     const auto wait = [&] {
