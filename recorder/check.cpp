@@ -1,12 +1,17 @@
 #include "recorder/check.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <system_error>
 #include <vector>
 
 #include "recorder/fleet.hpp"
@@ -122,7 +127,8 @@ class RobotCheck {
     }
     decoder_.decode(answer, order, FieldSet().set(), true, gates_, sample_);
     if (!sample_.decodable) {
-      more("the answer cannot be decoded; it would be kept as it is");
+      ++result_.problems;
+      more("the answer cannot be decoded; it would be kept as it is, and no analysis could use it");
       return;
     }
     std::string unknown;
@@ -131,6 +137,7 @@ class RobotCheck {
     }
     more(fmt::format("{} fields found, {} unknown keys{}{}", sample_.seen().count(), sample_.unknown_keys.size(),
                      unknown.empty() ? "" : ":", unknown));
+    look_for_keys(source, answer.body);
     if (source == Source::status) {
       describe_status();
     } else if (source == Source::registers) {
@@ -141,6 +148,20 @@ class RobotCheck {
     }
     if (source == Source::registers || source == Source::inputs) {
       more(fmt::format("requests {}", wire::to_text(modbus_->plan(source).ranges())));
+    }
+  }
+
+  /// A robot leaves out what it does not know without a word.
+  void look_for_keys(Source source, const std::string& body) {
+    if (source != Source::status && source != Source::ring) {
+      return;
+    }
+    const nlohmann::json members = nlohmann::json::parse(body, nullptr, false);
+    for (const std::string& key : robot_.settings.status.request.keys) {
+      if (!members.contains(key)) {
+        ++result_.problems;
+        more(fmt::format("asked for '{}' by `keys`, which the answer does not have", key));
+      }
     }
   }
 
@@ -189,18 +210,47 @@ class RobotCheck {
   std::shared_ptr<StatusHint> hint_ = std::make_shared<StatusHint>();
 };
 
-/// Space and what the rules make of it. Nothing is made or removed here.
-std::string log_text(const Config& config) {
+/// Why nothing could be written to the folder, or to `there`, the one in which it would be made; empty when it could.
+std::string not_writable(const std::filesystem::path& there) {
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(there, ignored)) {
+    return fmt::format("{} is not a folder; choose another one", there.string());
+  }
+  if (::faccessat(AT_FDCWD, there.c_str(), W_OK | X_OK, AT_EACCESS) != 0) {
+    return fmt::format("{}: {}; let the account that records write there, or choose another folder", there.string(),
+                       std::generic_category().message(errno));
+  }
+  return "";
+}
+
+/// Whether the log can be written, its space and what the rules make of it. Nothing is made or removed here.
+CheckResult check_log(const Config& config) {
   std::error_code ignored;
   std::filesystem::path there = std::filesystem::absolute(config.log, ignored);
   const bool exists = std::filesystem::exists(there, ignored);
   while (!std::filesystem::exists(there, ignored) && there.has_relative_path()) {
     there = there.parent_path();
   }
+  CheckResult result{fmt::format("log {}\n", config.log.string()), 0};
+  const auto failed = [&](const std::string& why) {
+    ++result.problems;
+    result.text += fmt::format("  {:<10} FAILED: {}\n", "", why);
+  };
+  if (const std::string why = not_writable(there); !why.empty()) {
+    failed(why);
+    return result;
+  }
   const auto parts = exists ? store::read_kept_parts(config.log) : std::vector<store::KeptPart>();
   const store::Forecast forecast = store::forecast(config.retention, parts, store::free_disk_bytes(there));
-  return fmt::format("log {}\n  rules      {}\n  space      {}\n", config.log.string(),
-                     store::rules_text(config.retention), store::forecast_text(forecast, config.retention));
+  result.text += fmt::format("  rules      {}\n  space      {}\n", store::rules_text(config.retention),
+                             store::forecast_text(forecast, config.retention));
+  const std::uint64_t most = forecast.free_bytes.value_or(0) + forecast.used_bytes;
+  if (forecast.free_bytes && most < config.retention.reserve_bytes) {
+    failed(
+        fmt::format("a reserve of {} cannot be kept: without the log {} would be free; lower `reserve` of [retention]",
+                    store::size_text(config.retention.reserve_bytes), store::size_text(most)));
+  }
+  return result;
 }
 
 }  // namespace
@@ -221,7 +271,9 @@ CheckResult check(const Config& config) {
     all.text += result.text;
     all.problems += result.problems;
   }
-  all.text += config.log.empty() ? "log none given; `run` needs one\n" : log_text(config);
+  const CheckResult log = config.log.empty() ? CheckResult{"log none given; `run` needs one\n", 0} : check_log(config);
+  all.text += log.text;
+  all.problems += log.problems;
   return all;
 }
 

@@ -9,7 +9,7 @@ namespace tacho::recorder {
 
 struct CheckResult {
   std::string text;  ///< for a person
-  int problems = 0;  ///< sources that could not be read
+  int problems = 0;  ///< what would be missing from a recording: sources, keys, the log itself
 };
 
 CheckResult check_robot(const RobotConfig& robot);

@@ -35,10 +35,11 @@ namespace {
 
 constexpr const char* kHideCursor = "\x1b[?25l";
 constexpr const char* kShowCursor = "\x1b[?25h";
+constexpr std::size_t kRoomForDashboards = Outlet::kMostBytes / 8;  // the rest is for messages
 
-Screen screen() {
+Screen screen(int fd) {
   winsize size{};
-  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) {
+  if (ioctl(fd, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) {
     return {};
   }
   return {size.ws_col, size.ws_row};
@@ -48,7 +49,7 @@ Screen screen() {
 
 /// To where the dashboard begins. In a window that was made narrower its lines take several rows each.
 std::string Console::to_top() const {
-  const std::size_t columns = screen().columns;
+  const std::size_t columns = screen(fd_).columns;
   std::size_t rows = 0;
   for (const std::string& line : lines_) {
     rows += std::max<std::size_t>(1, (shown_width(line) + columns - 1) / columns);
@@ -67,29 +68,40 @@ std::string Console::block() const {
 void Console::message(std::string_view text) {
   const std::lock_guard lock(mutex_);
   const std::string lost = lost_ > 0 ? fmt::format("({} messages before this one were not read in time) ", lost_) : "";
-  const bool taken = outlet_.put(fmt::format("{}{} {}{}{}\n{}", to_top(), iso_utc(wall_now_us()), lost, text,
-                                             lines_.empty() ? "" : "\x1b[K", block()));
+  const std::string top = to_top();
+  std::vector<std::string> standing = lines_;
+  if (outlet_.waiting() > kRoomForDashboards) {
+    lines_.clear();  // as long as dozens of messages: the next status() brings it back
+  }
+  const std::string_view clear = top.empty() ? "" : lines_.empty() ? "\x1b[J" : "\x1b[K";
+  const bool taken =
+      outlet_.put(fmt::format("{}{} {}{}{}\n{}", top, iso_utc(wall_now_us()), lost, text, clear, block()));
   lost_ = taken ? 0 : lost_ + 1;
+  if (!taken) {
+    lines_ = std::move(standing);
+  }
 }
 
 void Console::status(const Snapshot& snapshot) {
-  if (!terminal_ || outlet_.behind()) {
+  if (!terminal_ || outlet_.waiting() > 0) {
     return;
   }
   const std::lock_guard lock(mutex_);
-  const std::string top = lines_.empty() ? kHideCursor : to_top();
-  const std::vector<std::string> before = std::exchange(lines_, dashboard(snapshot, screen()));
+  const std::string top = kHideCursor + to_top();
+  const std::vector<std::string> standing = std::exchange(lines_, dashboard(snapshot, screen(fd_)));
+  cursor_hidden_ = true;
   if (!outlet_.put(top + block())) {
-    lines_ = before;  // they are what stands there
+    lines_ = standing;
   }
 }
 
 void Console::end_status() {
   const std::lock_guard lock(mutex_);
-  if (!lines_.empty()) {
+  if (std::exchange(cursor_hidden_, false) && !outlet_.put(kShowCursor)) {
+    flush();  // it must not stay so when a burst of messages is still being read
     outlet_.put(kShowCursor);
-    lines_.clear();
   }
+  lines_.clear();
 }
 
 std::string summary_text(const std::vector<SourceSummary>& rows) {

@@ -5,6 +5,7 @@
 
 #include <unistd.h>
 
+#include <chrono>
 #include <cstddef>
 #include <mutex>
 #include <string>
@@ -19,7 +20,8 @@ namespace tacho::recorder {
 /// Thread-safe.
 class Console {
  public:
-  explicit Console(bool terminal) : terminal_(terminal) {}
+  /// `terminal`: `fd` is one that can show a dashboard.
+  explicit Console(bool terminal, int fd = STDERR_FILENO) : terminal_(terminal), fd_(fd) {}
   ~Console() { end_status(); }
   Console(const Console&) = delete;
   Console& operator=(const Console&) = delete;
@@ -37,10 +39,12 @@ class Console {
   [[nodiscard]] std::string to_top() const;
   [[nodiscard]] std::string block() const;
   const bool terminal_;
+  const int fd_;
   std::mutex mutex_;
-  std::vector<std::string> lines_;
+  std::vector<std::string> lines_;  // of the dashboard that stands; none: a message has taken its place
+  bool cursor_hidden_ = false;
   std::size_t lost_ = 0;  // messages since the last one that was taken
-  Outlet outlet_{STDERR_FILENO};
+  Outlet outlet_{fd_};
 };
 
 /// The table printed at the end of a recording: per robot and source planned, stored, missed by cause.

@@ -15,7 +15,8 @@ namespace tacho::recorder {
 namespace {
 
 constexpr int kAnswersBeforeIoNotice = 5;
-constexpr std::chrono::milliseconds kGather{20};       // answers that are written together
+constexpr std::chrono::milliseconds kGather{20};  // answers that are written together
+constexpr Micros kOffsetStands = 300'000'000;
 constexpr std::chrono::minutes kForecastInterval{10};  // it reads the head of every part
 
 /// An answer, gap or event of the ring.
@@ -97,6 +98,9 @@ Micros LogThread::busy_us() const {
 LogThread::Numbers LogThread::numbers() const {
   const std::lock_guard lock(numbers_mutex_);
   Numbers out = numbers_;
+  std::erase_if(out.clock_offsets, [now_us = mono_now_us()](const auto& one) {
+    return now_us - one.second.told_us > kOffsetStands;  // a clock runs on, and may have been set since
+  });
   out.queue_items = queue_.size();
   out.queue_bytes = queue_.bytes();
   return out;
@@ -211,10 +215,9 @@ void LogThread::measure(const AnswerMeta& meta) {
 /// How far the robot's clock is off, from the answer that was written last.
 void LogThread::learn_clock(RobotId robot) {
   RobotClock& clock = clocks_[robot];
-  clock.see(ingest_.last());
-  if (const std::optional<Micros> offset_us = clock.offset_us()) {
+  if (clock.see(ingest_.last())) {
     const std::lock_guard lock(numbers_mutex_);
-    numbers_.clock_offset_us[robot] = *offset_us;
+    numbers_.clock_offsets[robot] = {*clock.offset_us(), mono_now_us()};
   }
 }
 

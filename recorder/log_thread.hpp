@@ -71,6 +71,10 @@ class LogThread final : public Sink {
     Micros last_answer_us = 0;
     std::uint64_t aged_out = 0;  ///< polls of the ring that nothing happened after
   };
+  struct ClockOffset {
+    Micros offset_us = 0;
+    Micros told_us = 0;  ///< monotonic
+  };
   struct Numbers {
     std::size_t ring_bytes = 0;
     std::size_t queue_items = 0;
@@ -78,7 +82,7 @@ class LogThread final : public Sink {
     store::LogWriter::Stats writer;  ///< as committed
     Histogram commits;
     std::map<std::pair<RobotId, Source>, StreamNumbers> streams;
-    std::map<RobotId, Micros> clock_offset_us;
+    std::map<RobotId, ClockOffset> clock_offsets;  ///< told in the last minutes
     store::Forecast forecast;
   };
   [[nodiscard]] Numbers numbers() const;

@@ -77,9 +77,9 @@ bool Outlet::put(std::string text) {
   return true;
 }
 
-bool Outlet::behind() const {
+std::size_t Outlet::waiting() const {
   const std::lock_guard lock(state_->mutex);
-  return state_->bytes > 0;
+  return state_->bytes;
 }
 
 void Outlet::flush(std::chrono::milliseconds most) {

@@ -22,8 +22,8 @@ class Outlet {
 
   /// In order. False, and nothing is taken, when more than kMostBytes are waiting.
   bool put(std::string text);
-  /// Whether something is still to be written.
-  [[nodiscard]] bool behind() const;
+  /// Bytes that are still to be written.
+  [[nodiscard]] std::size_t waiting() const;
   /// Returns when all that was put is written, or after `most`.
   void flush(std::chrono::milliseconds most);
 

@@ -72,8 +72,8 @@ void Poller::run(Micros start_us, Micros end_us) {
                           : lane->pace    ? std::max(outage_ ? outage_->until_us : start_us, clock_.mono_us())
                                           : lane->schedule->next_due_us();
     // While the link is down nothing is sent, so nothing needs to keep a distance.
-    const bool waiting = lane != nullptr && held(*lane, due_us) != nullptr;
-    const Micros wake_us = waiting ? due_us : std::max(due_us, not_before_us_);
+    const Micros apart_us = std::max(due_us, not_before_us_);
+    const Micros wake_us = lane != nullptr && held(*lane, apart_us) != nullptr ? due_us : apart_us;
     if ((lane != nullptr && due_us >= end_us) || !clock_.sleep_until(wake_us)) {
       break;
     }
@@ -316,7 +316,11 @@ void Poller::tell_link(const PollResult& result) {
 
 /// Gap rows are in the time of the clock that stands when they end: one that was set ends what is open.
 void Poller::follow_clock() {
-  const Micros ahead_us = clock_.wall_us() - clock_.mono_us();
+  const Micros mono_us = clock_.mono_us();
+  const Micros ahead_us = clock_.wall_us() - mono_us;
+  if (clock_.mono_us() - mono_us > kClockStep / 2) {
+    return;  // this thread was held up between the clocks: the next poll looks again
+  }
   const Micros before_us = std::exchange(wall_ahead_us_, ahead_us).value_or(ahead_us);
   if (std::abs(ahead_us - before_us) >= kClockStep) {
     for (const auto& lane : lanes_) {

@@ -400,8 +400,8 @@ Snapshot Recorder::snapshot() const {
       now.missed = written.tally.missed;  // in what was written; the rest aged out or may still be written
     }
     out.streams.push_back(std::move(now));
-    if (const auto offset = numbers.clock_offset_us.find(stream.id); offset != numbers.clock_offset_us.end()) {
-      out.clock_offset_us[stream.robot] = offset->second;
+    if (const auto offset = numbers.clock_offsets.find(stream.id); offset != numbers.clock_offsets.end()) {
+      out.clock_offset_us[stream.robot] = offset->second.offset_us;
     }
   }
   out.queue_items = numbers.queue_items;

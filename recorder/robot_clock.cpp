@@ -38,24 +38,23 @@ Micros without_zone(Micros us) {
 
 }  // namespace
 
-void RobotClock::see(const Sample& sample) {
+bool RobotClock::see(const Sample& sample) {
   constexpr FieldIndex kCreateOn = field("create_on");
   const AnswerMeta& meta = sample.meta;
   if (const std::optional<Micros> stamp =
           sample.at(kCreateOn).has() ? parse_time(sample.text(kCreateOn), "UTC") : std::nullopt) {
     offset_us_ = *stamp - meta.t_mid_us();
     stamped_us_ = meta.t_recv_us;
-    return;
+    return true;
   }
   if (stamped_us_ && std::abs(meta.t_recv_us - *stamped_us_) < kMinute) {
-    return;
+    return false;
   }
-  if (const std::optional<Micros> local_us = shown_by_registers(sample)) {
-    see_second(meta, *local_us);
-  }
+  const std::optional<Micros> local_us = shown_by_registers(sample);
+  return local_us && see_second(meta, *local_us);
 }
 
-void RobotClock::see_second(const AnswerMeta& meta, Micros local_us) {
+bool RobotClock::see_second(const AnswerMeta& meta, Micros local_us) {
   const Bounds one{meta.t_recv_us, local_us - meta.t_recv_us, local_us + kSecond - meta.t_send_us};
   if (!bounds_ || std::abs(one.since_us - bounds_->since_us) >= kMinute) {
     bounds_ = one;
@@ -63,9 +62,11 @@ void RobotClock::see_second(const AnswerMeta& meta, Micros local_us) {
   const Bounds both{bounds_->since_us, std::max(bounds_->least_us, one.least_us),
                     std::min(bounds_->most_us, one.most_us)};
   bounds_ = both.least_us < both.most_us ? both : one;  // nothing in common: one of the clocks was set
-  if (bounds_->most_us - bounds_->least_us <= 2 * kUncertainUs) {
+  const bool narrow = bounds_->most_us - bounds_->least_us <= 2 * kUncertainUs;
+  if (narrow) {
     offset_us_ = without_zone(middle(bounds_->least_us, bounds_->most_us));
   }
+  return narrow;
 }
 
 }  // namespace tacho::recorder

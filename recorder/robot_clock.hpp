@@ -15,7 +15,8 @@ namespace tacho::recorder {
 
 class RobotClock {
  public:
-  void see(const Sample& sample);
+  /// True when it has told the offset.
+  bool see(const Sample& sample);
   /// Empty: not known yet. Registers: known to kUncertainUs.
   [[nodiscard]] std::optional<Micros> offset_us() const { return offset_us_; }
 
@@ -31,7 +32,7 @@ class RobotClock {
   std::optional<Micros> stamped_us_;  // when create_on told it
   std::optional<Bounds> bounds_;      // of registers, zone included
 
-  void see_second(const AnswerMeta& meta, Micros local_us);
+  bool see_second(const AnswerMeta& meta, Micros local_us);
 };
 
 }  // namespace tacho::recorder

@@ -29,8 +29,8 @@ struct PollResult {
   bool partial = false;
   std::string detail;  ///< words for the gap row: system error, robot's error text, exception, ranges
   std::string body;
-  std::string header;  ///< unusual frame header, else empty
-  Micros t_send_us = 0;
+  std::string header;    ///< unusual frame header, else empty
+  Micros t_send_us = 0;  ///< both by the wall clock that stood at the answer
   Micros t_recv_us = 0;
   std::vector<LinkNote> notes;
   std::optional<WordOrder> word_order;  ///< set when the link has just decided on one

@@ -74,7 +74,8 @@ struct ModbusLink::Sweep {
   std::vector<wire::Range> read;
   std::optional<wire::Range> silent;  // was given most of the time, and nothing came
   Cause cause = Cause::modbus_exception;
-  std::string why;  // of the first request that failed, refusals that taught the plan something included
+  std::string why;     // of the first request that failed, refusals that taught the plan something included
+  Micros sent_us = 0;  // monotonic, of the first request
   Micros t_send_us = 0;
   Micros t_recv_us = 0;
 
@@ -204,9 +205,9 @@ Reply ModbusLink::read(Sweep& sweep, wire::Range range) {
   request.function = sweep.discrete ? mbap::Function::discrete_inputs : mbap::Function::input_registers;
   request.address = static_cast<std::uint16_t>(range.first - 1 + shift_);  // documented from 1, sent from 0
   request.count = range.count;
-  sweep.t_send_us = sweep.t_send_us == 0 ? wall_now_us() : sweep.t_send_us;
   Buffer buffer;  // uninitialised on purpose: written by receive
   const Micros asked_us = mono_now_us();
+  sweep.sent_us = sweep.sent_us == 0 ? asked_us : sweep.sent_us;
   const Exchanged got = exchange(request, sweep.deadline_us, buffer);
   if (got.failure.failed && got.failure.cause == Cause::timeout) {
     return unanswered(sweep, range, got.size, mono_now_us() - asked_us);
@@ -225,6 +226,7 @@ Reply ModbusLink::take(Sweep& sweep, wire::Range range, const mbap::Answer& answ
   switch (answer.verdict) {
     case mbap::Verdict::data:
       sweep.t_recv_us = wall_now_us();
+      sweep.t_send_us = sweep.t_recv_us - (mono_now_us() - sweep.sent_us);
       sweep.read.push_back(range);
       wire::append_range(sweep.image, range, answer.payload);
       return Reply::ok;
@@ -284,8 +286,8 @@ void ModbusLink::run(Planned& planned, Sweep& sweep, PollResult& result) {
     return;
   }
   planned.told = true;
-  std::vector<wire::Range> have = sweep.read;
-  have.insert(have.end(), known_illegal.begin(), known_illegal.end());
+  std::vector<wire::Range> have = not_covered(known_illegal, plan.ranges());  // what is asked for again counts
+  have.insert(have.end(), sweep.read.begin(), sweep.read.end());
   const std::vector<wire::Range> missing = not_covered(wire::documented_runs(sweep.discrete), have);
   result.partial = !missing.empty();
   if (result.partial) {

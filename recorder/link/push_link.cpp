@@ -18,11 +18,11 @@ constexpr Micros kLongestSilence = 20'000'000;
 void PushLink::close() {
   socket_.close();
   decoder_.reset();
+  cut_ = false;
 }
 
 PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   PollResult result;
-  const std::size_t had = decoder_.buffered();
   const Micros deadline_us = mono_now_us() + std::chrono::microseconds(timeout).count();
   Failure failure;
   if (!socket_.connected()) {
@@ -37,6 +37,7 @@ PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   if (!failure.failed) {
     result.t_send_us = result.t_recv_us = wall_now_us();
     silent_since_us_ = mono_now_us();
+    cut_ = false;
     judge(std::move(frame), result);
     return result;
   }
@@ -44,8 +45,8 @@ PollResult PushLink::poll(Source, std::chrono::milliseconds timeout) {
   result.detail = std::move(failure.detail);
   // Half a push may just be cut by this deadline. One that is cut by the next one as well is out of step: it would grow
   // for ever.
-  const bool sound = decoder_.buffered() == 0 || had == 0;
-  const bool quiet = failure.cause == Cause::timeout && sound && socket_.connected();
+  const bool cut_before = std::exchange(cut_, decoder_.buffered() > 0);
+  const bool quiet = failure.cause == Cause::timeout && !(cut_ && cut_before) && socket_.connected();
   if (!quiet || mono_now_us() - silent_since_us_ > kLongestSilence) {
     close();
   }

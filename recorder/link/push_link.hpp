@@ -31,6 +31,7 @@ class PushLink final : public Link {
   Socket socket_;
   wire::FrameDecoder decoder_;
   Micros silent_since_us_ = 0;  // monotonic
+  bool cut_ = false;            // half a push stood at the last deadline
   std::string last_error_;      // so that a standing refusal is one event
 };
 

@@ -1,6 +1,7 @@
 #include "recorder/link/register_plan.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "schema/fields.hpp"
 
@@ -130,8 +131,10 @@ void RegisterPlan::bisect(Range refused, const Ask& ask, int& extra, Pieces& out
   if (confirmed) {
     out.illegal.push_back(refused);
     good = merged(std::move(good));
+  } else if (settled && reply == Reply::ok) {
+    good.push_back(refused);
   } else {
-    (settled && reply == Reply::ok ? good : out.unknown).push_back(refused);
+    append(out.unknown, parts);  // apart: one that is never answered can then be left out alone
   }
   append(out.good, good);
   out.stop = reply == Reply::stop;
@@ -201,6 +204,7 @@ bool RegisterPlan::leave_out(Range range) {
   if (spans_gaps(range)) {
     const std::vector<Range> runs = runs_inside(range);
     ranges_.insert(place, runs.begin(), runs.end());
+    drop_answered();
     return false;
   }
   if (std::find(illegal_.begin(), illegal_.end(), range) == illegal_.end()) {
@@ -209,7 +213,7 @@ bool RegisterPlan::leave_out(Range range) {
   return true;
 }
 
-/// What was illegal before forget() and is asked for again now is illegal no longer.
+/// What was illegal before forget() and is asked for again from now on is illegal no longer.
 void RegisterPlan::drop_answered() {
   std::erase_if(illegal_, [this](Range bad) {
     return std::any_of(ranges_.begin(), ranges_.end(),
@@ -217,23 +221,24 @@ void RegisterPlan::drop_answered() {
   });
 }
 
-void RegisterPlan::visit_run(Range run, const Ask& ask, int& extra, Pieces& out) const {
-  if (out.last == run) {
-    out.put_off = true;
-    return;
+/// The range that is asked last waits; so does one of which it is a part.
+void RegisterPlan::visit(Range range, const Ask& ask, int& extra, Pieces& out) const {
+  if (out.last && range.first <= out.last->first && end_of(*out.last) <= end_of(range)) {
+    out.put_off = range;
+  } else {
+    ask_range(range, ask, extra, out);
   }
-  if (out.stop) {
-    out.unknown.push_back(run);
-    return;
-  }
-  const Reply reply = ask_run(run, ask, extra, out);
-  out.refused = out.refused || reply == Reply::bad_address || reply == Reply::bad_count;
 }
 
-/// A range; when it spans gaps and is refused, its runs.
-void RegisterPlan::visit(Range range, const Ask& ask, int& extra, Pieces& out) const {
-  if (out.last == range || out.stop || !spans_gaps(range)) {
-    visit_run(range, ask, extra, out);
+/// When it spans gaps and is refused, its runs.
+void RegisterPlan::ask_range(Range range, const Ask& ask, int& extra, Pieces& out) const {
+  if (out.stop) {
+    out.unknown.push_back(range);
+    return;
+  }
+  if (!spans_gaps(range)) {
+    const Reply reply = ask_run(range, ask, extra, out);
+    out.refused = out.refused || reply == Reply::bad_address || reply == Reply::bad_count;
     return;
   }
   const Reply reply = ask(range);
@@ -244,7 +249,7 @@ void RegisterPlan::visit(Range range, const Ask& ask, int& extra, Pieces& out) c
   }
   out.refused = true;
   for (const Range run : runs_inside(range)) {
-    visit_run(run, ask, extra, out);
+    visit(run, ask, extra, out);
   }
 }
 
@@ -255,9 +260,12 @@ std::vector<Range> RegisterPlan::sweep(const Ask& ask, const std::optional<Range
   for (const Range range : ranges_) {
     visit(range, ask, extra, pieces);
   }
-  if (pieces.put_off) {
-    pieces.last.reset();
-    visit(*last, ask, extra, pieces);
+  while (pieces.put_off) {
+    const Range range = *std::exchange(pieces.put_off, std::nullopt);
+    if (!spans_gaps(range)) {
+      pieces.last.reset();
+    }
+    ask_range(range, ask, extra, pieces);
   }
   return learn(pieces);
 }

@@ -36,7 +36,7 @@ class RegisterPlan {
   /// One sweep: asks for every range, learns from refusals. What was refused for good in this sweep and is not asked
   /// again until forget() is returned; what could not be read but will be asked again is the caller's to know, from
   /// Ask.
-  /// `last`: the range that is asked after all others.
+  /// `last`: the range, or a part of one, that is asked after all others.
   std::vector<wire::Range> sweep(const Ask& ask, const std::optional<wire::Range>& last = std::nullopt);
   /// This range of ranges() is never answered. When it spans undocumented registers, its documented runs are asked for
   /// from now on, and false is returned; else it is not asked again until forget().
@@ -58,13 +58,13 @@ class RegisterPlan {
     std::vector<wire::Range> good;     // answered, in any order
     std::vector<wire::Range> unknown;  // not settled: ask again next time
     std::vector<wire::Range> illegal;
-    std::optional<wire::Range> last;  // not to be asked yet
-    bool put_off = false;             // it was its turn
-    bool refused = false;             // something was
+    std::optional<wire::Range> last;     // not to be asked yet
+    std::optional<wire::Range> put_off;  // what holds it
+    bool refused = false;                // something was
     bool stop = false;
   };
   void visit(wire::Range range, const Ask& ask, int& extra, Pieces& out) const;
-  void visit_run(wire::Range run, const Ask& ask, int& extra, Pieces& out) const;
+  void ask_range(wire::Range range, const Ask& ask, int& extra, Pieces& out) const;
   std::vector<wire::Range> learn(const Pieces& pieces);
   Reply ask_run(wire::Range run, const Ask& ask, int& extra, Pieces& out) const;
   void bisect(wire::Range refused, const Ask& ask, int& extra, Pieces& out) const;

@@ -148,6 +148,11 @@ void register_plan(std::string_view bytes) {
       plan.leave_out(*last);
     }
     check_complete(plan, server.discrete());
+    law(!plan.learned() || RegisterPlan(server.discrete()).restore(plan.ranges(), plan.illegal()),
+        "what was learned can be learned from a file");
+    if (byte(bytes, 63) % 8 == 7) {
+      plan.forget();
+    }
   }
 }
 

@@ -304,6 +304,32 @@ TEST_CASE("a range that is never answered is named, left out after three sweeps,
   }
 }
 
+TEST_CASE("silence inside a run of which something else is refused costs its own piece only") {
+  const wire::Range run = wire::documented_runs(false).front();
+  const int refused = run.first + run.count - 1;
+  for (const int quiet : {run.first + 1, run.first + run.count / 2 - 2}) {
+    std::atomic<int> waits{0};
+    ModbusServer server([&](const Asked& a) {
+      const int code = a.function == 4 && a.holds(refused) ? 2 : strict(a);
+      waits += code == 0 && a.function == 4 && a.holds(quiet) ? 1 : 0;
+      return code == 0 && a.function == 4 && a.holds(quiet) ? -1 : code;
+    });
+    ModbusLink link(options(server.port()));
+    PollResult result;
+    for (int sweeps = 0; sweeps < 16; ++sweeps) {
+      result = link.poll(Source::registers, 150ms);
+    }
+    INFO(quiet << ": " << result.detail);
+    waits = 0;
+    result = link.poll(Source::registers, kTimeout);
+    CHECK(result.ok);
+    CHECK(waits == 0);
+    CHECK(link.connected());
+    CHECK(fields_of(result, Source::registers).count() > all_fields(false).count() / 2);
+    CHECK(RegisterPlan(false).restore(link.plan(Source::registers).ranges(), link.plan(Source::registers).illegal()));
+  }
+}
+
 TEST_CASE("answers that are slow all together leave no range out") {
   ModbusServer server([](const Asked& a) {
     std::this_thread::sleep_for(60ms);

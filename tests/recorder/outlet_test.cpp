@@ -2,6 +2,8 @@
 
 #include "recorder/outlet.hpp"
 
+#include "recorder/console.hpp"
+
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -64,11 +66,11 @@ TEST_CASE("nobody waits for a reader that has stopped, and one that reads again 
   }
   CHECK(taken * 1000 >= Outlet::kMostBytes - 1000);  // and what the pipe holds
   CHECK(taken < 2000);
-  CHECK(outlet.behind());
+  CHECK(outlet.waiting() > 0);
   outlet.flush(10ms);  // returns
   CHECK(pipe.read(taken * 1000).find(line + "\n" + line) == 0);
   outlet.flush(5s);
-  CHECK_FALSE(outlet.behind());
+  CHECK(outlet.waiting() == 0);
   CHECK(outlet.put("again"));
   CHECK(pipe.read(5) == "again");
 }
@@ -94,4 +96,42 @@ TEST_CASE("the end waits a second for a reader that has stopped, and no longer")
   }
   CHECK(std::chrono::steady_clock::now() - before >= 900ms);
   CHECK(pipe.read(put * 1000).size() == put * 1000);  // so that nobody writes any more when the pipe goes
+}
+
+TEST_CASE("messages that nobody reads for a while are not crowded out by the dashboard, which is back when they are") {
+  constexpr int kMessages = 2000;
+  Pipe pipe;
+  Snapshot site;
+  for (int i = 0; i < 30; ++i) {
+    site.links.push_back({"robot-" + std::to_string(i), tacho::Protocol::status_port, true});
+    site.streams.emplace_back().robot = site.links.back().robot;
+  }
+  std::string seen;
+  const auto read_until = [&](const std::string& text) {
+    std::array<char, 65536> buffer;  // uninitialised on purpose: written by read
+    for (ssize_t n = 1; n > 0 && seen.find(text) == std::string::npos;) {
+      n = ::read(pipe.ends[0], buffer.data(), buffer.size());
+      seen.append(buffer.data(), static_cast<std::size_t>(std::max<ssize_t>(n, 0)));
+    }
+  };
+  {
+    Console console(true, pipe.ends[1]);
+    console.status(site);
+    for (int i = 0; i < kMessages; ++i) {
+      console.message("message " + std::to_string(i) + ".");
+    }
+    read_until("message " + std::to_string(kMessages - 1) + ".");
+    while (seen.find("robot-0") != std::string::npos) {
+      seen.erase(0, seen.rfind("robot-0") + 1);
+    }
+    CHECK(seen.find("message 1000.") != std::string::npos);  // no dashboard among the later ones
+    CHECK(seen.find("not read in time") == std::string::npos);
+    seen.clear();
+    console.flush();
+    console.status(site);
+    read_until("robot-0");
+    CHECK(seen.find("\x1b[?25l") != std::string::npos);
+  }
+  read_until("\x1b[?25h");
+  CHECK(seen.ends_with("\x1b[?25h"));
 }

@@ -92,6 +92,21 @@ TEST_CASE("a push that a deadline cuts in the middle is taken by the next poll")
   CHECK(server.connections() == 1);
 }
 
+TEST_CASE("the beginning of a push that came with the one before it may be cut by a deadline like any other") {
+  TinyServer server([](Peer& peer, int) {
+    const std::string next = pushed("{\"x\":2}");
+    peer.write(pushed("{\"x\":1}") + next.substr(0, 20));
+    std::this_thread::sleep_for(3 * kShort / 2);
+    peer.write(next.substr(20));
+    peer.wait_closed();
+  });
+  PushLink link("127.0.0.1", server.port());
+  CHECK(link.poll(Source::push, kTimeout).body == "{\"x\":1}");
+  CHECK(link.poll(Source::push, kShort).cause == Cause::timeout);
+  CHECK(link.poll(Source::push, kTimeout).body == "{\"x\":2}");
+  CHECK(server.connections() == 1);
+}
+
 TEST_CASE("a robot with too many clients on its push port says so in words, as one event") {
   TinyServer server([](Peer& peer, int connection) {
     peer.write(wire::encode_frame(1, 0, 19301,

@@ -141,3 +141,25 @@ TEST_CASE("of a robot whose slow source alone is answered, the quick one is soon
   CHECK(downs(3 * kMinute) == 0);
   check_accounts(bench);
 }
+
+TEST_CASE("law: whoever is answered or not, what is asked on one connection keeps its distance") {
+  std::mt19937 random(7);
+  const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+  for (int run = 0; run < 300; ++run) {
+    const std::vector<PolledSource> sources{{Source::status, between(200'000, 400'000), 0},
+                                            {Source::io, between(300'000, 2'000'000), between(0, 200'000)}};
+    PollerBench bench(
+        sources,
+        [&](Source source, Micros) {
+          return source == Source::status ? Act{true, between(1'000, 90'000)}
+                                          : Act{false, between(1'000, 90'000), Cause::closed, false, {}};
+        },
+        100'000);
+    bench.run(kMinute);
+    INFO("run " << run);
+    for (std::size_t i = 0; i + 1 < bench.link->asked.size(); ++i) {
+      REQUIRE(bench.link->asked[i + 1].second - bench.link->asked[i].second >= 100'000);
+    }
+    check_accounts(bench);
+  }
+}

@@ -3,6 +3,7 @@
 #include <random>
 #include <set>
 
+#include "schema/store/unsaved_rows.hpp"
 #include "tests/schema/store_workload.hpp"
 #include "tests/support/faulty_vfs.hpp"
 
@@ -197,6 +198,39 @@ TEST_CASE("events and clock points that a failing disk refused are written once 
   CHECK(subjects.size() == 100);
   CHECK(std::set<std::string>(subjects.begin(), subjects.end()).size() == 100);
   CHECK(records.clock.size() == 100);
+}
+
+TEST_CASE("of the events of a disk that fails for very long the log keeps the first, and says how many it lost") {
+  constexpr std::size_t kLost = 7;
+  TempDir dir(memory_folder());
+  FaultyDisk disk(dir / "log");
+  {
+    Recording recording(dir / "log", options_of({}, disk, 1u << 30));
+    CHECK(record(recording, 1) == 0);
+    disk.set_capacity(disk.used());
+    Event event;
+    event.robot = recording.robot;
+    event.session = recording.session;
+    event.t_us = event.t_from_us = recording.time();
+    for (std::size_t i = 0; i < store::UnsavedRows::kMost + kLost; ++i) {
+      try {
+        recording.writer.add(event);
+      } catch (const Error&) {
+        continue;
+      }
+    }
+    CHECK(record(recording, 1) == 1);
+    disk.set_capacity(std::nullopt);
+    recording.end();
+  }
+  store::LogReader log = open_reader(dir / "log");
+  CHECK(log.part_records(0, 1).events.size() == store::UnsavedRows::kMost);
+  std::vector<std::string> told;
+  for (const Event& event : log.part_records(0, 0).events) {
+    told.push_back(event.kind == EventKind::mark ? event.detail : "");
+  }
+  REQUIRE(told.size() == 1);
+  CHECK(told[0].starts_with("7 events"));
 }
 
 TEST_CASE("without a reserve a full disk costs polls and no part") {
