@@ -206,6 +206,16 @@ void check_inputs(const RobotConfig& robot) {
   }
 }
 
+/// Its answers stay in memory, so nobody looks at them before something else has set it off.
+void check_ring(const RobotConfig& robot) {
+  constexpr std::array kTriggering{Source::status, Source::pose, Source::push, Source::registers};
+  if (robot.settings.period(Source::ring) > 0 &&
+      std::none_of(kTriggering.begin(), kTriggering.end(), [&](Source s) { return robot.settings.period(s) > 0; })) {
+    throw UsageError(named(robot), "nothing that is recorded can set off the ring, so nothing would be kept",
+                     "record status, pose, push or registers as well");
+  }
+}
+
 /// Two names for one robot: it would be asked twice as often as it should, and counted twice in all sums.
 void check_addresses(const Config& config) {
   std::map<std::string, std::string> robots;
@@ -458,6 +468,7 @@ void validate(const Config& config) {
     check_fixed(robot, Source::push, "the robot decides when it pushes; give one period");
     check_fixed(robot, Source::ring, "what happens next is not known; give one period");
     check_inputs(robot);
+    check_ring(robot);
   }
   check_addresses(config);
 }

@@ -17,8 +17,8 @@ struct Beat {
 
 /// One write or commit; a disk that needs longer for one is as good as gone.
 inline constexpr Micros kWriterMayTake = 120'000'000;
-/// Beyond the timeout of a poll: looking up a name has no deadline of ours.
-inline constexpr Micros kPollerMayTake = 120'000'000;
+/// Beyond the timeout of a poll, which nothing in it exceeds: a host that is that late has stood still.
+inline constexpr Micros kPollerMayTake = 30'000'000;
 
 /// The one that is over its time by most, in words; empty: all is well.
 std::string stuck(std::span<const Beat> beats);

@@ -3,6 +3,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <condition_variable>
 #include <deque>
@@ -20,6 +21,7 @@ struct Outlet::State {
   std::deque<std::string> waiting;
   std::size_t bytes = 0;  // of waiting, and of what is being written
   bool ended = false;
+  std::atomic<int> error{0};
 
   explicit State(int f) : fd(f) {}
 
@@ -41,14 +43,15 @@ struct Outlet::State {
   }
 
   /// By the system call: a stream would hold its lock while it waits, and exit() would wait for that.
-  void write(std::string_view text) const {
+  void write(std::string_view text) {
     while (!text.empty()) {
       const ssize_t n = ::write(fd, text.data(), text.size());
       if (n < 0 && errno == EAGAIN) {  // somebody else has set it so
         pollfd room{fd, POLLOUT, 0};
         ::poll(&room, 1, -1);
       } else if (n < 0 && errno != EINTR) {
-        return;  // nobody is there to be told
+        error = error == 0 && errno != EPIPE ? errno : error.load();
+        return;
       }
       text.remove_prefix(n < 0 ? 0 : static_cast<std::size_t>(n));
     }
@@ -81,6 +84,8 @@ std::size_t Outlet::waiting() const {
   const std::lock_guard lock(state_->mutex);
   return state_->bytes;
 }
+
+int Outlet::error() const { return state_->error; }
 
 void Outlet::flush(std::chrono::milliseconds most) {
   std::unique_lock lock(state_->mutex);

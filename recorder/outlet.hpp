@@ -24,6 +24,8 @@ class Outlet {
   bool put(std::string text);
   /// Bytes that are still to be written.
   [[nodiscard]] std::size_t waiting() const;
+  /// The first error of writing, as errno; 0: none. That nobody reads any more is no error.
+  [[nodiscard]] int error() const;
   /// Returns when all that was put is written, or after `most`.
   void flush(std::chrono::milliseconds most);
 

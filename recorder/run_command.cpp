@@ -3,12 +3,15 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <memory>
 #include <optional>
+#include <system_error>
+#include <utility>
 
 #include "recorder/console.hpp"
 #include "recorder/mark.hpp"
@@ -79,7 +82,7 @@ class Run {
     console_.status(recorder_.snapshot());
     console_.end_status();
     console_.flush();  // before the table, when both go to one terminal
-    Outlet(STDOUT_FILENO).put(summary_text(summary));
+    print(summary_text(summary));
     if (const std::string why = nothing_recorded(summary); !why.empty()) {
       Outlet(STDERR_FILENO).put(fmt::format("tacho-recorder: error: {}\n", why));
       return 1;
@@ -88,6 +91,17 @@ class Run {
   }
 
  private:
+  /// On standard output, as far as somebody reads it.
+  static void print(std::string text) {
+    Outlet out(STDOUT_FILENO);
+    out.put(std::move(text));
+    out.flush(std::chrono::seconds(1));
+    if (out.error() != 0) {
+      throw Error("standard output", std::generic_category().message(out.error()),
+                  "the log is complete, what was printed is not");
+    }
+  }
+
   static void require_log(const Config& config) {
     if (config.log.empty()) {
       throw UsageError("log", "no folder given", "use --log DIR, or log = \"DIR\" in the --config file");

@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <memory>
 #include <system_error>
 #include <utility>
 
@@ -44,6 +43,8 @@ Failure failure(int error, const std::string& address) {
     case ENETDOWN:
       return {true, Cause::unreachable,
               fmt::format("{}: {}; is the robot on and this host in its network?", address, words(error))};
+    case ECONNRESET:
+      return {true, Cause::closed, fmt::format("{}: closed by the robot while connecting", address)};
     case EMFILE:
     case ENFILE:
     case ENOBUFS:
@@ -87,7 +88,8 @@ Micros attempt_deadline(Micros now_us, Micros deadline_us, std::size_t left) {
   return deadline_us <= now_us ? deadline_us : now_us + (deadline_us - now_us) / static_cast<Micros>(left);
 }
 
-Socket::Socket(std::string host, std::uint16_t port) : host_(std::move(host)), port_(port) {}
+Socket::Socket(std::string host, std::uint16_t port, Resolver::Lookup lookup)
+    : host_(std::move(host)), port_(port), resolver_(host_, port_, std::move(lookup)) {}
 
 Socket::~Socket() { close(); }
 
@@ -115,6 +117,7 @@ void Socket::close() {
 }
 
 void Socket::interrupt() {
+  resolver_.interrupt();
   const std::lock_guard lock(mutex_);
   interrupted_ = true;
   if (fd_ >= 0) {
@@ -172,18 +175,15 @@ Failure Socket::attempt(const addrinfo& address, Micros deadline_us) {
 }
 
 Failure Socket::connect(Micros deadline_us) {
-  addrinfo hints{};
-  hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  const int rc = ::getaddrinfo(host_.c_str(), std::to_string(port_).c_str(), &hints, &found);
-  if (rc != 0) {
-    close();
-    return {true, Cause::unreachable,
-            fmt::format("{}: {}; is the name right, or use the robot's address", address(), gai_strerror(rc))};
+  close();
+  const Resolver::Found found = resolver_.find(deadline_us);
+  if (interrupted()) {
+    return {true, Cause::shutdown, "stopping"};
   }
-  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> list(found, ::freeaddrinfo);
-  return connect(list.get(), deadline_us);
+  if (!found.addresses) {
+    return {true, Cause::unreachable, fmt::format("{}: {}", address(), found.problem)};
+  }
+  return connect(found.addresses.get(), deadline_us);
 }
 
 Failure Socket::connect(const addrinfo* addresses, Micros deadline_us) {

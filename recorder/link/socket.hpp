@@ -9,9 +9,8 @@
 #include <string>
 #include <string_view>
 
+#include "recorder/link/resolver.hpp"
 #include "schema/records.hpp"
-
-struct addrinfo;
 
 namespace tacho::recorder {
 
@@ -36,15 +35,15 @@ struct Received {
 /// One owner thread; only interrupt() may be called from another.
 class Socket {
  public:
-  Socket(std::string host, std::uint16_t port);
+  /// `lookup`: Resolver.
+  Socket(std::string host, std::uint16_t port, Resolver::Lookup lookup = {});
   ~Socket();
   Socket(const Socket&) = delete;
   Socket& operator=(const Socket&) = delete;
 
-  /// Connects until `deadline_us` (monotonic). A host name is resolved again before every attempt; that lookup is the
-  /// resolver's and knows no deadline, so addresses are better than names. Of several addresses each gets its share of
-  /// the time: attempt_deadline(). A silent one is tried twice in it, because the kernel repeats a lost SYN only after
-  /// a second, and a robot that has just come back should not be missed by that.
+  /// Connects until `deadline_us` (monotonic). A host name is looked up again before every attempt. Of several
+  /// addresses each gets its share of the time: attempt_deadline(). A silent one is tried twice in it, because the
+  /// kernel repeats a lost SYN only after a second, and a robot that has just come back should not be missed by that.
   Failure connect(Micros deadline_us);
   /// The same to addresses that are resolved already, in their order.
   Failure connect(const addrinfo* addresses, Micros deadline_us);
@@ -72,6 +71,7 @@ class Socket {
 
   std::string host_;
   std::uint16_t port_;
+  Resolver resolver_;
   std::string peer_;
   int fd_ = -1;               // written under mutex_, read freely by the owner thread
   mutable std::mutex mutex_;  // between owner and interrupt()

@@ -113,6 +113,21 @@ TEST_CASE("a recording that stored nothing fails and says why on its last line")
   CHECK(outcome.out.find("connect_refused") != std::string::npos);
 }
 
+TEST_CASE("a table that nobody gets is an error, and the log is whole") {
+  TempDir dir;
+  sim::Server server(robots(1), {});
+  std::string command = std::string(TACHO_BINARY_DIR) + "/" + kRecorder;
+  for (const std::string& argument : record_arguments(server, 1, (dir / "log").string(), "1s")) {
+    command += " " + argument;
+  }
+  const Outcome outcome = test::run("/bin/sh", {"-c", command + " > /dev/full"});
+  CHECK(outcome.code == 1);
+  CHECK(outcome.err.find("standard output: No space left on device; the log is complete") != std::string::npos);
+  const auto log = open(dir / "log");
+  CHECK(log->sessions().at(0).clean);
+  check_every_poll_is_accounted_for(*log);
+}
+
 TEST_CASE("pose beside the full answer, also of a controller that ignores keys: accounted for, verified and readable") {
   TempDir dir;
   const std::string log = (dir / "log").string();

@@ -234,6 +234,8 @@ TEST_CASE("settings that cannot work together are refused") {
   CHECK(has(error_of("[sources]\nstatus='100ms'\nio='10Hz'\n" + kRobot), "more often than the spacing"));
   CHECK(error_of("[sources]\nstatus='200ms'\nio='5Hz'\n" + kRobot).empty());
   CHECK(has(error_of("[retention]\nsize='300MB'\n" + kRobot), "less than two parts of 256.0 MB"));
+  CHECK(has(error_of("[sources]\nstatus='off'\nregisters='off'\nring='5Hz'\n" + kRobot), "can set off the ring"));
+  CHECK(error_of("[sources]\nstatus='off'\nring='5Hz'\n" + kRobot).empty());
 }
 
 TEST_CASE("flags take durations and rates, choose sources, and name their mistakes") {
