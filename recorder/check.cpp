@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <future>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 #include <vector>
@@ -156,9 +155,9 @@ class RobotCheck {
     if (source != Source::status && source != Source::ring) {
       return;
     }
-    const nlohmann::json members = nlohmann::json::parse(body, nullptr, false);
+    const std::vector<std::string_view> answered = wire::member_keys(body);
     for (const std::string& key : robot_.settings.status.request.keys) {
-      if (!members.contains(key)) {
+      if (std::find(answered.begin(), answered.end(), key) == answered.end()) {
         ++result_.problems;
         more(fmt::format("asked for '{}' by `keys`, which the answer does not have", key));
       }

@@ -118,7 +118,7 @@ PollResult TcpLink::poll(Source source, std::chrono::milliseconds timeout) {
       result.give_up = fmt::format(
           "asked for {} keys, the controller answered with {}: it ignores `keys`, so pose is "
           "not asked for any more; switch pose off, or ask status more often",
-          kPoseKeys.size(), wire::count_members(result.body));
+          kPoseKeys.size(), wire::member_keys(result.body).size());
     }
   }
   return result;

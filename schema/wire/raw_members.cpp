@@ -76,25 +76,26 @@ std::size_t skip_value(std::string_view text, std::size_t at) {
 
 }  // namespace
 
-std::size_t count_members(std::string_view body) {
+std::vector<std::string_view> member_keys(std::string_view body) {
   constexpr std::string_view kSpace = " \t\r\n";
   std::size_t at = skip_any_of(body, 0, kSpace);
   if (at >= body.size() || body[at] != '{') {
-    return 0;
+    return {};
   }
   // The body need not be JSON at all: only what looks like a key is walked over.
-  std::size_t members = 0;
+  std::vector<std::string_view> keys;
   at = skip_any_of(body, at + 1, kSpace);
   while (at < body.size() && body[at] == '"') {
-    ++members;
-    const std::size_t colon = skip_any_of(body, skip_string(body, at), kSpace);
+    const std::size_t end = skip_string(body, at);
+    keys.push_back(body.substr(at + 1, end - at - 2));
+    const std::size_t colon = skip_any_of(body, end, kSpace);
     if (colon >= body.size() || body[colon] != ':') {
       break;
     }
     at = skip_value(body, skip_any_of(body, colon + 1, kSpace));
     at = skip_any_of(body, at, " \t\r\n,");
   }
-  return members;
+  return keys;
 }
 
 std::string_view RawMembers::value(std::size_t index) {

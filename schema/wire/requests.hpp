@@ -26,8 +26,8 @@ std::string status_request_body(const StatusRequest& request);
 /// 1100 for kPoseKeys.
 std::string pose_request_body();
 
-/// Members of the object that the body is; 0 when it is none.
-std::size_t count_members(std::string_view body);
+/// Keys of the object that the body is, as they are written; none when it is no object.
+std::vector<std::string_view> member_keys(std::string_view body);
 /// The controller sent the whole answer although only `asked` keys were asked for. A few more are no sign of it:
 /// create_on, ret_code and whatever a firmware adds to every answer.
 bool ignores_keys(std::string_view body, std::size_t asked);

@@ -151,7 +151,7 @@ TEST_CASE("law: whoever is answered or not, what is asked on one connection keep
     PollerBench bench(
         sources,
         [&](Source source, Micros) {
-          return source == Source::status ? Act{true, between(1'000, 90'000)}
+          return source == Source::status ? Act{true, between(1'000, 90'000), Cause::timeout, true, {}}
                                           : Act{false, between(1'000, 90'000), Cause::closed, false, {}};
         },
         100'000);
