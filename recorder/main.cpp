@@ -163,6 +163,13 @@ int parse_and_run(int argc, char** argv) {
   mark_cmd->add_option("log", of_log.log, "folder of the log")->type_name("LOG")->required();
   mark_cmd->add_option("text", of_log.text, "what to find again later")->type_name("TEXT")->required();
   mark_cmd->add_option("--robot", of_log.robots, "of this robot (all)")->expected(1)->type_name("NAME");
+  std::vector<std::string> commands;
+  for (const CLI::App* const command : app.get_subcommands({})) {
+    commands.push_back(command->get_name());
+  }
+  if (const std::string why = not_a_command(argc > 1 ? argv[1] : "", commands); !why.empty()) {
+    throw UsageError("arguments", why, "see tacho-recorder --help");
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

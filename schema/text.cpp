@@ -49,6 +49,19 @@ std::string did_you_mean(std::string_view name, std::span<const std::string> can
   return found.empty() ? "" : "; did you mean '" + found + "'?";
 }
 
+std::string not_a_command(std::string_view argument, std::span<const std::string> commands) {
+  if (argument.starts_with('-') || std::find(commands.begin(), commands.end(), argument) != commands.end()) {
+    return "";
+  }
+  std::string known;
+  for (const std::string& command : commands) {
+    known += (known.empty() ? "" : ", ") + command;
+  }
+  return (argument.empty() ? "no command given"
+                           : "no command '" + std::string(argument) + "'" + did_you_mean(argument, commands)) +
+         "; the commands are " + known;
+}
+
 namespace {
 
 /// Bytes of the character at `at` that steers: C0 and DEL, C1 (U+0080 to U+009F), marks of writing direction (U+200E,

@@ -17,6 +17,9 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
 /// "; did you mean 'x'?" or empty.
 std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
 
+/// Why the first argument of a program is none of its commands, and what was meant; empty for a command or an option.
+std::string not_a_command(std::string_view argument, std::span<const std::string> commands);
+
 /// Control characters and marks of writing direction become spaces: what robots and people wrote must neither steer a
 /// terminal nor forge a line.
 std::string printable(std::string text);

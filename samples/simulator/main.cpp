@@ -14,6 +14,7 @@
 #include "samples/simulator/write.hpp"
 #include "schema/error.hpp"
 #include "schema/store/part.hpp"
+#include "schema/text.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::sim {
@@ -260,11 +261,20 @@ int run(int argc, char** argv) {
   rate("--registers-rate", a.registers_rate, "register sweeps per second");
   rate("--inputs-rate", a.inputs_rate, "reads of the discrete inputs per second");
 
+  const std::vector<std::string> commands{"serve", "write"};
+  if (const std::string why = not_a_command(argc > 1 ? argv[1] : "", commands); !why.empty()) {
+    fmt::print(stderr, "tacho-sim: error: {}; see tacho-sim --help\n", why);
+    return kUsage;
+  }
   try {
     app.parse(argc, argv);
     return serving->parsed() ? serve(a) : write(a);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : kUsage;
+    if (e.get_exit_code() == 0) {
+      return app.exit(e);  // --help, --version
+    }
+    fmt::print(stderr, "tacho-sim: error: {}; see tacho-sim --help\n", e.what());
+    return kUsage;
   }
 }
 

@@ -1,4 +1,5 @@
 #include "schema/fields.hpp"
+#include "schema/text.hpp"
 
 #include "schema/docs.hpp"
 #include "schema/store/schema_sql.hpp"
@@ -19,6 +20,14 @@ TEST_CASE("names are lower case words, so that they work as SQL columns and CSV 
     CHECK(f.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string_view::npos);
     CHECK(f.name.find_first_of("0123456789") != 0);
   }
+}
+
+TEST_CASE("the first argument of a program is a command, an option, or answered with what was meant") {
+  const std::vector<std::string> commands{"run", "check"};
+  CHECK(not_a_command("check", commands).empty());
+  CHECK(not_a_command("--help", commands).empty());
+  CHECK(not_a_command("chekc", commands) == "no command 'chekc'; did you mean 'check'?; the commands are run, check");
+  CHECK(not_a_command("", commands) == "no command given; the commands are run, check");
 }
 
 TEST_CASE("a misspelt field is answered with the nearest name") {
