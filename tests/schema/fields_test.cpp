@@ -1,8 +1,8 @@
 #include "schema/fields.hpp"
-#include "schema/text.hpp"
 
 #include "schema/docs.hpp"
 #include "schema/store/schema_sql.hpp"
+#include "schema/text.hpp"
 #include "tests/support/catch.hpp"
 #include "tests/support/golden.hpp"
 
