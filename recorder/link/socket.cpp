@@ -117,12 +117,14 @@ void Socket::close() {
 }
 
 void Socket::interrupt() {
-  resolver_.interrupt();
-  const std::lock_guard lock(mutex_);
-  interrupted_ = true;
-  if (fd_ >= 0) {
-    ::shutdown(fd_, SHUT_RDWR);  // wakes poll(2) in the owner thread; the owner closes
+  {
+    const std::lock_guard lock(mutex_);
+    interrupted_ = true;
+    if (fd_ >= 0) {
+      ::shutdown(fd_, SHUT_RDWR);  // wakes poll(2) in the owner thread; the owner closes
+    }
   }
+  resolver_.interrupt();
 }
 
 bool Socket::interrupted() const {

@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "schema/text.hpp"
+
 namespace tacho::wire {
 
 namespace {
@@ -92,14 +94,12 @@ std::string own_words(std::string_view body) {
          (static_cast<unsigned char>(body[start.size()]) & 0xC0U) == 0x80U) {
     start.remove_suffix(1);  // not in the middle of a character
   }
-  const bool utf8 = simdjson::validate_utf8(start.data(), start.size());
-  std::string text = "; the robot says: ";
-  for (const char c : start) {
-    const auto byte = static_cast<unsigned char>(c);
-    const bool printable = byte >= 0x20 && byte != 0x7F && (byte < 0x80 || utf8);
-    text += printable ? c : ' ';
+  std::string words(start);
+  if (!simdjson::validate_utf8(start.data(), start.size())) {
+    std::replace_if(
+        words.begin(), words.end(), [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, ' ');
   }
-  return text + (body.size() > start.size() ? "..." : "");
+  return "; the robot says: " + printable(std::move(words)) + (body.size() > start.size() ? "..." : "");
 }
 
 /// The port number as the type. A push has the same type, but no such code.
