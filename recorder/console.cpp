@@ -141,10 +141,9 @@ std::string nothing_recorded(const std::vector<SourceSummary>& rows) {
     }
     std::transform(missed.begin(), missed.end(), row.missed.begin(), missed.begin(), std::plus<>());
   }
-  const auto at = [&](Cause cause) -> std::uint64_t& { return missed[static_cast<std::size_t>(cause)]; };
-  if (std::accumulate(missed.begin(), missed.end(), std::uint64_t{0}) > at(Cause::backoff) + at(Cause::shutdown)) {
-    at(Cause::backoff) = 0;  // both follow from something else
-    at(Cause::shutdown) = 0;
+  std::uint64_t& shutdown = missed[static_cast<std::size_t>(Cause::shutdown)];
+  if (std::accumulate(missed.begin(), missed.end(), std::uint64_t{0}) > shutdown) {
+    shutdown = 0;  // follows from something else
   }
   const auto most = std::max_element(missed.begin(), missed.end());
   const std::string_view why =

@@ -61,7 +61,7 @@ enum class Cause : std::uint8_t {
   client_limit,
   modbus_exception,
   overrun,
-  backoff,
+  backoff,  ///< of older recordings: outages carry the cause they began with
   queue_full,
   disk,
   recorder_off,     ///< no polls were planned: between two sessions, or while the source was off

@@ -242,7 +242,7 @@ TEST_CASE("a recording without a single answer names the cause behind most misse
   row.planned = 12;
   row.missed[static_cast<std::size_t>(Cause::connect_refused)] = 3;
   row.missed[static_cast<std::size_t>(Cause::timeout)] = 1;
-  row.missed[static_cast<std::size_t>(Cause::backoff)] = 8;  // a consequence, not the cause
+  row.missed[static_cast<std::size_t>(Cause::shutdown)] = 8;  // a consequence, not the cause
   CHECK(nothing_recorded({row, row}) == "nothing was recorded: nobody listens on the port");
   CHECK(nothing_recorded({}) == "nothing was recorded: it ended before the first poll");
   SourceSummary other = row;
