@@ -246,9 +246,8 @@ Reply ModbusLink::take(Sweep& sweep, wire::Range range, const mbap::Answer& answ
 /// others are answered: it is asked last before it is judged.
 std::vector<wire::Range> ModbusLink::judge_silence(Planned& planned, const Sweep& sweep) {
   if (!sweep.silent) {
-    const auto answered = std::find(sweep.read.begin(), sweep.read.end(), planned.silent);
-    if (answered != sweep.read.end()) {
-      planned.silent.reset();
+    if (planned.silent && not_covered({*planned.silent}, sweep.read).empty()) {
+      planned.silent.reset();  // answered, alone or within a longer range
     }
     return {};
   }
