@@ -32,7 +32,7 @@ Section section_of(store::LogReader& log, const Survey& found) {
     names[robot.id] = robot.name;
   }
   DataTable damage{"damage", "Damage", {{"where", "", "file"}, {"what", "", "what is damaged"}}, {}};
-  DataTable beside{"beside", "Files beside the log", {{"where", "", "file"}, {"what", "", "what it is"}}, {}};
+  DataTable beside{"beside", "Database files beside the log that are not read", {{"where", "", "file"}, {"what", "", "what it is"}}, {}};
   for (const ReadProblem& p : log.problems()) {
     (p.beside ? beside : damage).rows.push_back({p.where, p.what});
   }

@@ -140,9 +140,11 @@ void LogReader::Impl::open(std::span<const fs::path> logs) {
         problems.empty() ? "there is no part of a log here" : problems.front().where + " " + problems.front().what;
     throw Error(joined(logs), cause, "give the folder that tacho-recorder wrote, or a part-*.db file of it");
   }
-  std::sort(parts.begin(), parts.end(), [](const PartHead& a, const PartHead& b) {
-    return std::tie(a.row.number, a.path) < std::tie(b.row.number, b.path);
-  });
+  const auto place = [](const PartHead& part) {  // of two with one number, the one that has its name is no copy
+    const bool renamed = part.path.filename() != part_path({}, part.row.number).filename();
+    return std::tuple(part.row.number, renamed, part.path);
+  };
+  std::sort(parts.begin(), parts.end(), [&](const PartHead& a, const PartHead& b) { return place(a) < place(b); });
   require_one_log(logs);
   drop_copies();
   merge_heads();

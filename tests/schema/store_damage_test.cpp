@@ -116,13 +116,18 @@ TEST_CASE("parts of different logs are refused, copies of a part are read once")
   const std::vector<fs::path> both{dir / "a", dir / "b"};
   CHECK_THROWS_WITH(store::LogReader(both, {decode_x, {}}), Catch::Contains("different logs"));
 
-  fs::copy_file(part_files(dir / "a")[1], dir / "a" / "part-000002 (copy).db");
-  const std::vector<fs::path> twice{dir / "a", part_files(dir / "a")[0]};
-  store::LogReader log(twice, {decode_x, {}});
-  CHECK(check_honest(log) == rows);
-  CHECK(coverage_of(log).stored == rows);
-  REQUIRE(log.problems().size() == 1);
-  CHECK(log.problems()[0].what.find("is a copy of") != std::string::npos);
+  const fs::path part = part_files(dir / "a")[1];
+  for (const char* name : {"part-000002 (copy).db", "before.db"}) {
+    fs::copy_file(part, dir / "a" / name);
+    const std::vector<fs::path> twice{dir / "a", part_files(dir / "a")[0]};
+    store::LogReader log(twice, {decode_x, {}});
+    CHECK(check_honest(log) == rows);
+    CHECK(coverage_of(log).stored == rows);
+    REQUIRE(log.problems().size() == 1);
+    CHECK(log.problems()[0].where.ends_with(name));
+    CHECK(log.problems()[0].what.find("is a copy of " + part.string()) != std::string::npos);
+    fs::remove(dir / "a" / name);
+  }
 }
 
 TEST_CASE("a truncated part yields what is left, and reading goes on with the next part") {
