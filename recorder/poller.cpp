@@ -263,9 +263,9 @@ void Poller::judge_link(Lane& lane, const PollResult& result) {
   if (result.ok || connected) {
     lane.answered_us = asked_us_;
   }
-  // Since it was asked the last time: longer ago, the robot may have gone since.
+  // Since this one was asked the last time (longer ago, the robot may have gone since), and when they were asked last.
   const bool others_answered = std::any_of(lanes_.begin(), lanes_.end(), [&](const auto& other) {
-    return other.get() != &lane && other->answered_us > tried_us;
+    return other.get() != &lane && other->answered_us > tried_us && other->answered_us == other->tried_us;
   });
   const bool alone = !result.ok && !connected && others_answered && !of_the_peer(result.cause);
   if (!alone) {

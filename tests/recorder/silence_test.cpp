@@ -163,3 +163,32 @@ TEST_CASE("law: whoever is answered or not, what is asked on one connection keep
     check_accounts(bench);
   }
 }
+
+TEST_CASE("a connection on which everything fails now and then leaves no source waiting for long") {
+  std::mt19937 random(11);
+  const auto between = [&](Micros a, Micros b) { return std::uniform_int_distribution<Micros>(a, b)(random); };
+  const Micros calm = 30 * kSecond;
+  std::vector<double> waited_s;
+  for (int run = 0; run < 300; ++run) {
+    bool good = true;
+    Micros until = 0;
+    PollerBench bench({{Source::status, 50'000, 0}, {Source::io, 50'000, 12'500}, {Source::pose, 50'000, 25'000}},
+                      [&](Source, Micros now) {
+                        for (; until <= now && until < calm; until += between(40'000, 200'000)) {
+                          good = between(0, 3) == 0;
+                        }
+                        return good || now >= calm ? Act{true, 1'000, Cause::timeout, true, {}}
+                                                   : Act{false, 60'000, Cause::timeout, false, {}};
+                      });
+    bench.run(calm + kMinute);
+    for (const Source source : {Source::status, Source::io, Source::pose}) {
+      const auto first = std::find_if(bench.sink.answers.begin(), bench.sink.answers.end(), [&](const Answer& a) {
+        return a.meta.source == source && a.meta.t_send_us - kWallStart >= calm;
+      });
+      REQUIRE(first != bench.sink.answers.end());
+      waited_s.push_back(static_cast<double>(first->meta.t_send_us - kWallStart - calm) * 1e-6);
+    }
+    check_accounts(bench);
+  }
+  CHECK(*std::max_element(waited_s.begin(), waited_s.end()) <= 1.0);
+}
