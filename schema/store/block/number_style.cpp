@@ -316,46 +316,43 @@ void reals_by_text(const NumberStyle& style, std::span<const std::int64_t> value
 /// do that, but not the conversion, to several numbers at once.
 double small_to_real(std::int64_t number) {
   constexpr double kShift = 6755399441055744.0;
-  return std::bit_cast<double>(number + std::bit_cast<std::int64_t>(kShift)) - kShift;
+  return std::bit_cast<double>(static_cast<std::uint64_t>(number) + std::bit_cast<std::uint64_t>(kShift)) - kShift;
 }
 
-/// All values have a size below 2^bits.
-bool all_below(std::span<const std::int64_t> values, unsigned bits) {
+/// As decimal_to_real() of each, through `finish`, without branches: right where all have a size below 2^51. Returns
+/// the bits of all sizes, found on the way: looking first took as long as converting.
+template <class Finish>
+std::int64_t small_decimals(std::span<const std::int64_t> values, double power, double* out, Finish finish) {
   std::int64_t all = 0;
   run_loop([&]() __attribute__((always_inline)) {
     std::int64_t sizes = 0;
-    for (const std::int64_t value : values) {
-      sizes |= value ^ (value >> 63U);
-    }
-    all = sizes;
-  });
-  return all >> bits == 0;
-}
-
-/// As decimal_to_real() of each, through `finish`. No branches while numbers are small.
-template <class Finish>
-void decimals_each(std::span<const std::int64_t> values, double power, double* out, Finish finish) {
-  constexpr unsigned kSmallBits = 51;
-  if (!all_below(values, kSmallBits)) {
-    std::transform(values.begin(), values.end(), out,
-                   [&](std::int64_t value) { return finish(decimal_to_real(value, power)); });
-    return;
-  }
-  run_loop([&]() __attribute__((always_inline)) {
     for (std::size_t i = 0; i < values.size(); ++i) {
       const std::int64_t sign = values[i] >> 63U;
+      sizes |= values[i] ^ sign;
       const auto real = std::bit_cast<std::int64_t>(small_to_real(values[i] - sign) / power);
       out[i] = finish(std::bit_cast<double>(real | (sign & std::numeric_limits<std::int64_t>::min())));
     }
+    all = sizes;
   });
+  return all;
+}
+
+/// As decimal_to_real() of each, through `finish`. Returns the bits of all sizes.
+template <class Finish>
+std::int64_t decimals_each(std::span<const std::int64_t> values, double power, double* out, Finish finish) {
+  constexpr unsigned kSmallBits = 51;
+  const std::int64_t sizes = small_decimals(values, power, out, finish);
+  if (sizes >> kSmallBits != 0) {
+    std::transform(values.begin(), values.end(), out,
+                   [&](std::int64_t value) { return finish(decimal_to_real(value, power)); });
+  }
+  return sizes;
 }
 
 void decimal_reals(const NumberStyle& style, std::span<const std::int64_t> values, double* out) {
   constexpr unsigned kExactBits = 53;
-  if (all_below(values, kExactBits)) {
-    // Both operands are exact, so the quotient is what reading the text gives.
-    decimals_each(values, kPowers[style.decimals], out, [](double real) { return real; });
-  } else {
+  // Where both operands are exact, the quotient is what reading the text gives.
+  if (decimals_each(values, kPowers[style.decimals], out, [](double real) { return real; }) >> kExactBits != 0) {
     reals_by_text(style, values, out);
   }
 }
