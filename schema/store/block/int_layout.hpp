@@ -15,9 +15,7 @@ inline constexpr unsigned kTrendFraction = 16;
 inline constexpr unsigned kPlanes = 8;
 inline constexpr unsigned kMaxLowBits = 56;  // with any start inside a byte they fit 64 bits
 
-/// Where the straight line of a trend is at row `i`, above its start.
-constexpr std::int64_t trend_at(std::size_t i, std::uint64_t slope) {
-  return static_cast<std::int64_t>(i * slope) >> kTrendFraction;
-}
+/// Where the straight line of a trend is at a row, above its start. `product`: of the row's number and the slope.
+constexpr std::int64_t trend_at(std::uint64_t product) { return static_cast<std::int64_t>(product) >> kTrendFraction; }
 
 }  // namespace tacho::store

@@ -60,7 +60,7 @@ Residuals less_trend(std::span<const std::int64_t> values) {
   const std::uint64_t slope = trend_of(values);
   std::vector<std::int64_t> level(values.begin(), values.end());
   for (std::size_t i = 0; i < level.size(); ++i) {
-    level[i] = subtract(level[i], trend_at(i, slope));
+    level[i] = subtract(level[i], trend_at(i * slope));
   }
   Residuals left = less_base(level);
   put_varint(left.seeds, zigzag(static_cast<std::int64_t>(slope)));

@@ -47,7 +47,7 @@ class IntReader {
   Unpacker unpacker_;
   std::vector<char> buffers_[8];
   std::vector<char> bitmap_;
-  std::vector<std::uint64_t> others_;  ///< sparse: residuals that are not zero, and one more
+  std::vector<std::uint64_t> others_;  ///< sparse: residuals that are not zero
   // Of the column that is being read:
   unsigned low_ = 0;
   unsigned plane_count_ = 0;
