@@ -46,13 +46,62 @@ std::uint32_t advance(std::uint32_t crc, std::uint64_t word) {
 }
 
 #if defined(__x86_64__)
-/// The same sum by the instruction made for it, eight times as fast.
+constexpr std::size_t kLaneBytes = 128;
+using LaneTables = std::array<std::array<std::uint32_t, 256>, sizeof(std::uint32_t)>;
+
+// Table k advances byte k of a sum over a lane of zero bytes.
+constexpr LaneTables make_lane_tables() {
+  LaneTables tables{};
+  for (std::size_t k = 0; k < tables.size(); ++k) {
+    for (std::uint32_t byte = 1; byte < 256; ++byte) {
+      const std::uint32_t others = byte & (byte - 1);
+      if (others != 0) {
+        tables[k][byte] = tables[k][others] ^ tables[k][byte ^ others];
+        continue;
+      }
+      std::uint32_t crc = byte << (8 * k);
+      for (std::size_t i = 0; i < kLaneBytes; ++i) {
+        crc = (crc >> 8U) ^ kCrcTables[0][crc & 0xFFU];
+      }
+      tables[k][byte] = crc;
+    }
+  }
+  return tables;
+}
+
+constexpr LaneTables kLaneTables = make_lane_tables();
+
+std::uint64_t advance_lane(std::uint64_t crc) {
+  std::uint32_t next = 0;
+  for (unsigned k = 0; k < kLaneTables.size(); ++k) {
+    next ^= kLaneTables[k][byte_at(crc, k)];
+  }
+  return next;
+}
+
+std::uint64_t read_word(const char* bytes) {
+  std::uint64_t word = 0;
+  std::memcpy(&word, bytes, sizeof word);
+  return word;
+}
+
+/// The same sum by the instruction made for it, eight times as fast. A sum waits for itself three times as long as the
+/// instruction takes, so three lanes are added up at once.
 __attribute__((target("sse4.2"))) std::uint32_t add_with_instruction(std::uint32_t crc, std::string_view& bytes) {
   std::uint64_t state = crc;
+  for (; bytes.size() >= 3 * kLaneBytes; bytes.remove_prefix(3 * kLaneBytes)) {
+    std::uint64_t second = 0;
+    std::uint64_t third = 0;
+    for (std::size_t i = 0; i < kLaneBytes; i += sizeof(std::uint64_t)) {
+      const char* const at = bytes.data() + i;
+      state = __builtin_ia32_crc32di(state, read_word(at));
+      second = __builtin_ia32_crc32di(second, read_word(at + kLaneBytes));
+      third = __builtin_ia32_crc32di(third, read_word(at + 2 * kLaneBytes));
+    }
+    state = advance_lane(advance_lane(state) ^ second) ^ third;
+  }
   for (; bytes.size() >= sizeof(std::uint64_t); bytes.remove_prefix(sizeof(std::uint64_t))) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, bytes.data(), sizeof word);
-    state = __builtin_ia32_crc32di(state, word);
+    state = __builtin_ia32_crc32di(state, read_word(bytes.data()));
   }
   return static_cast<std::uint32_t>(state);
 }

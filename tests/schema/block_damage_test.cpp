@@ -83,6 +83,22 @@ void exercise(const std::string& block) {
 
 }  // namespace
 
+TEST_CASE("a sum is the same however the bytes are added") {
+  CHECK(static_cast<std::uint32_t>(store::Checksum().add_bytes("123456789").value()) == 0xE3069283U);
+  std::mt19937 random(7);
+  std::string bytes;
+  while (bytes.size() < 3000) {
+    bytes.push_back(static_cast<char>(random()));
+  }
+  for (std::size_t size = 0; size <= bytes.size(); size += 37) {
+    store::Checksum one_by_one;
+    for (std::size_t i = 0; i < size; ++i) {
+      one_by_one.add_bytes({&bytes[i], 1});
+    }
+    CHECK(store::Checksum().add_bytes({bytes.data(), size}).value() == one_by_one.value());
+  }
+}
+
 TEST_CASE("a changed byte anywhere is noticed or harmless") {
   const std::vector<Answer> answers = small_answers();
   const std::string block = encode(answers).block;
