@@ -15,11 +15,7 @@ constexpr int kBatchRows = 4096;
 }  // namespace
 
 HotScan::HotScan(Connection& connection, const Vocabulary& vocabulary, std::int64_t last_id, Lost lost)
-    : vocabulary_(&vocabulary),
-      end_(last_id),
-      lost_(std::move(lost)),
-      batch_(connection, select_sql("hot") + " WHERE id > ?1 AND id <= ?2 ORDER BY id LIMIT ?3"),
-      probe_(connection, "SELECT id FROM hot WHERE id >= ?1 ORDER BY id LIMIT 1") {}
+    : connection_(&connection), vocabulary_(&vocabulary), end_(last_id), lost_(std::move(lost)) {}
 
 const HotRow* HotScan::next() {
   while (last_ < end_) {
@@ -47,15 +43,18 @@ const HotRow* HotScan::next() {
 
 /// False at the end of a batch.
 bool HotScan::advance() {
+  if (!batch_) {
+    batch_.emplace(*connection_, select_sql("hot") + " WHERE id > ?1 AND id <= ?2 ORDER BY id LIMIT ?3");
+  }
   if (!open_) {
-    batch_.query(last_, end_, kBatchRows);
+    batch_->query(last_, end_, kBatchRows);
     open_ = true;
     in_batch_ = 0;
     batch_start_ = last_;
   }
-  while (batch_.step()) {
+  while (batch_->step()) {
     ++in_batch_;
-    row_ = read_hot(batch_);
+    row_ = read_hot(*batch_);
     if (row_.id > last_ && is_whole(row_) && source_of(row_, *vocabulary_)) {
       last_ = row_.id;
       return true;
@@ -76,9 +75,12 @@ void HotScan::report(std::int64_t before, const std::string& why) {
 
 std::int64_t HotScan::probe(std::int64_t from) {
   try {
-    probe_.query(from);
-    const std::int64_t id = probe_.step() ? probe_.integer(0) : 0;
-    probe_.reset();
+    if (!probe_) {
+      probe_.emplace(*connection_, "SELECT id FROM hot WHERE id >= ?1 ORDER BY id LIMIT 1");
+    }
+    probe_->query(from);
+    const std::int64_t id = probe_->step() ? probe_->integer(0) : 0;
+    probe_->reset();
     return id <= end_ ? id : 0;
   } catch (const SqliteError& error) {
     if (!error.damaged()) {
@@ -133,12 +135,13 @@ void for_each_hot_row(Connection& connection, const Vocabulary& vocabulary, std:
   }
 }
 
-BodyChain::BodyChain(Connection& connection) : fetch_(connection, select_sql("hot") + " WHERE id = ?1") {}
-
 /// last.body is the last body of row.base, where it has one.
 bool BodyChain::unpack(const HotRow& row, HotBatch& out, Last& last) {
+  if (!decoder_) {
+    decoder_.emplace();
+  }
   const std::optional<PackedBodies> packed = read_marks(row, out.marks);
-  if (!packed || !decoder_.unpack(*packed, row.base == 0 ? nullptr : &last.body, out.bodies)) {
+  if (!packed || !decoder_->unpack(*packed, row.base == 0 ? nullptr : &last.body, out.bodies)) {
     return false;
   }
   last.body = out.last_body();
@@ -153,18 +156,21 @@ bool BodyChain::walk_to(std::int64_t base, Last& last) {
     std::string data;
   };
   std::vector<Link> links;
+  if (!fetch_) {
+    fetch_.emplace(*connection_, select_sql("hot") + " WHERE id = ?1");
+  }
   while (base != 0 && base != last.id) {
-    fetch_.query(base);
-    if (!fetch_.step()) {
+    fetch_->query(base);
+    if (!fetch_->step()) {
       return false;
     }
-    const HotRow row = read_hot(fetch_);
+    const HotRow row = read_hot(*fetch_);
     if (!is_whole(row) || row.base >= row.id) {
       return false;
     }
     links.push_back({row, std::string(row.data)});
     base = row.base;
-    fetch_.reset();
+    fetch_->reset();
   }
   for (auto link = links.rbegin(); link != links.rend(); ++link) {
     link->row.data = link->data;
@@ -186,7 +192,9 @@ bool BodyChain::open(const HotRow& row, HotBatch& out) {
         throw;
       }
     }
-    fetch_.reset();
+    if (fetch_) {
+      fetch_->reset();
+    }
   }
   if (good && unpack(row, out, last)) {
     return true;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,11 +27,12 @@ class HotScan {
   const HotRow* next();
 
  private:
+  Connection* connection_;
   const Vocabulary* vocabulary_;
   std::int64_t end_;
   Lost lost_;
-  Statement batch_;
-  Statement probe_;
+  std::optional<Statement> batch_;  ///< made when there are rows: a closed part has none
+  std::optional<Statement> probe_;  ///< made for damage
   std::int64_t last_ = 0;
   std::int64_t batch_start_ = 0;
   std::int64_t tried_ = 0;
@@ -54,7 +56,7 @@ void for_each_hot_row(Connection& connection, const Vocabulary& vocabulary, std:
 /// chain was not read from its keyframe on.
 class BodyChain {
  public:
-  explicit BodyChain(Connection& connection);
+  explicit BodyChain(Connection& connection) : connection_(&connection) {}
 
   /// False when this row or one it is based on is damaged. `out` has the answers without their bodies then, or none
   /// when not even those can be read.
@@ -66,8 +68,9 @@ class BodyChain {
     std::int64_t broken = 0;
     std::string body;
   };
-  Statement fetch_;
-  HotDecoder decoder_;
+  Connection* connection_;
+  std::optional<Statement> fetch_;     ///< made when needed
+  std::optional<HotDecoder> decoder_;  ///< likewise
   HotBatch link_;
   std::map<std::pair<RobotId, std::int64_t>, Last> streams_;
 
