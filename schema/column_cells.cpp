@@ -60,11 +60,15 @@ bool all_finite(const std::vector<double>& values) {
 }
 
 bool refuse_odd_flags(const std::vector<std::int64_t>& values, std::vector<State>& states) {
-  std::int64_t all = 0;
-  for (const std::int64_t value : values) {
-    all |= value;
-  }
-  if ((all | 1) == 1) {
+  std::int64_t bits = 0;
+  store::run_loop([&]() __attribute__((always_inline)) {
+    std::int64_t all = 0;
+    for (const std::int64_t value : values) {
+      all |= value;
+    }
+    bits = all;
+  });
+  if ((bits | 1) == 1) {
     return false;
   }
   for (std::size_t i = 0; i < states.size(); ++i) {

@@ -86,6 +86,9 @@ struct ColumnDecoder::Impl {
     if (!read(field.json.key, want, pool, values)) {
       return false;
     }
+    if (!any_absent(values)) {
+      return true;  // before paths are put together
+    }
     for (const std::string& path : other_paths(field)) {
       if (!any_absent(values)) {
         break;

@@ -122,12 +122,16 @@ struct LeafReading {
       meanings.push_back(meaning(text));
     }
     resize(out, column.values.size(), want);
-    each(meanings, &Meaning::kind, out.kind);
+    out.alike = std::all_of(meanings.begin(), meanings.end(),
+                            [&](const Meaning& meaning) { return meaning.kind == meanings[0].kind; });
+    if (out.alike) {
+      std::fill(out.kind.begin(), out.kind.end(), meanings[0].kind);
+    } else {
+      each(meanings, &Meaning::kind, out.kind);
+    }
     each(meanings, &Meaning::real, out.real);
     each(meanings, &Meaning::integer, out.integer);
     each(meanings, &Meaning::text, out.text);
-    out.alike = std::all_of(meanings.begin(), meanings.end(),
-                            [&](const Meaning& meaning) { return meaning.kind == meanings[0].kind; });
   }
   void composite(std::size_t count) const {
     resize(out, count, want);

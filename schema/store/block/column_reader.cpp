@@ -3,6 +3,7 @@
 
 #include "schema/store/block/column.hpp"
 #include "schema/store/block/json_text.hpp"
+#include "schema/store/block/wide_loops.hpp"
 #include "schema/store/checksum.hpp"
 
 namespace tacho::store {
@@ -93,11 +94,16 @@ bool ColumnReader::load_distinct(ByteReader& in, std::size_t count, LoadedColumn
   if (!ints_.take(in, count, index)) {
     return false;
   }
-  std::uint64_t largest = 0;
-  for (const std::int64_t i : index) {
-    largest = std::max(largest, static_cast<std::uint64_t>(i));
-  }
-  return largest < distinct;
+  std::uint64_t beyond = 0;
+  run_loop([&]() __attribute__((always_inline)) {
+    const std::uint64_t end = distinct;
+    std::uint64_t any = 0;
+    for (const std::int64_t i : index) {
+      any |= static_cast<std::uint64_t>(i) < end ? 0U : 1U;
+    }
+    beyond = any;
+  });
+  return beyond == 0;
 }
 
 bool ColumnReader::load_exceptions(ByteReader& in, const ColumnEntry& entry, LoadedColumn& column) {

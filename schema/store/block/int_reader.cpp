@@ -94,10 +94,10 @@ void add_low_bits(std::string_view bits, unsigned low, std::size_t begin, std::s
 void spread(std::string_view bitmap, const std::vector<std::uint64_t>& others, std::size_t& next, std::size_t begin,
             std::span<std::uint64_t> out) {
   constexpr std::size_t kWord = 64;
+  std::fill(out.begin(), out.end(), 0);
   for (std::size_t from = 0; from < out.size(); from += kWord) {
     const std::size_t count = std::min(kWord, out.size() - from);
     std::uint64_t bits = word_at(bitmap, (begin + from) / 8);
-    std::fill_n(out.data() + from, count, 0);
     for (; bits != 0; bits &= bits - 1) {
       const auto i = static_cast<std::size_t>(std::countr_zero(bits));
       if (i < count) {  // else damage: the bitmap has bits behind the last value

@@ -57,13 +57,14 @@ std::optional<std::string_view> Unpacker::take(ByteReader& in, std::size_t lengt
   }
   frame_.assign(kMagic);
   frame_.append(stored);
-  buffer.resize(length);
-  const std::size_t size =
-      ZSTD_decompressDCtx(context_.get(), buffer.data(), buffer.size(), frame_.data(), frame_.size());
+  if (buffer.size() < length) {
+    buffer.resize(length);  // never shorter, or what is added again would be filled with zeros each time
+  }
+  const std::size_t size = ZSTD_decompressDCtx(context_.get(), buffer.data(), length, frame_.data(), frame_.size());
   if (ZSTD_isError(size) != 0 || size != length) {
     return std::nullopt;
   }
-  return std::string_view(buffer.data(), buffer.size());
+  return std::string_view(buffer.data(), length);
 }
 
 }  // namespace tacho::store
