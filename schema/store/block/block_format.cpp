@@ -123,12 +123,10 @@ class EntryReader {
 
   bool numbers(ColumnEntry& entry) {
     const std::uint64_t exceptions = in_.varint();
-    const std::optional<NumberStyle> style = take_style(in_);
-    if (!style || exceptions > entry.count) {
+    if (!take_style(in_, entry.style) || exceptions > entry.count) {
       return false;
     }
     entry.exceptions = static_cast<std::uint32_t>(exceptions);
-    entry.style = *style;
     take_statistics(in_, entry);
     return in_.good();
   }
@@ -184,17 +182,18 @@ std::size_t frame_bytes(const EncodedColumn& column) {
 
 /// Numbers of the columns that are not constant, in the order in which their frames are stored.
 template <class Column>
-std::vector<std::size_t> frame_order(std::span<const Column> columns) {
-  std::vector<std::pair<std::size_t, std::size_t>> by_size;
-  by_size.reserve(columns.size());
+std::vector<std::uint64_t> frame_order(std::span<const Column> columns) {
+  // Size and number in one, which is sorted faster than pairs: entries of 2^27 bytes, 2^16 at most, make 2^43 bytes.
+  constexpr unsigned kNumberBits = 16;
+  static_assert(kRowColumns + kMaxLeafColumns <= std::size_t{1} << kNumberBits);
+  std::vector<std::uint64_t> order;
+  order.reserve(columns.size());
   for (std::size_t i = 0; i < columns.size(); ++i) {
-    by_size.emplace_back(frame_bytes(columns[i]), i);
+    order.push_back(std::uint64_t{frame_bytes(columns[i])} << kNumberBits | i);
   }
-  std::sort(by_size.begin(), by_size.end());
-  std::vector<std::size_t> order;
-  order.reserve(by_size.size());
-  for (const auto& [bytes, i] : by_size) {
-    order.push_back(i);
+  std::sort(order.begin(), order.end());
+  for (std::uint64_t& column : order) {
+    column &= (std::uint64_t{1} << kNumberBits) - 1;
   }
   return order;
 }
@@ -241,7 +240,7 @@ bool take_directory(ByteReader& in, std::size_t offset, const BlockHead& head, B
     }
     entry.position = static_cast<std::uint32_t>(position++);
   }
-  for (const std::size_t i : frame_order(std::span<const ColumnEntry>(directory.entries))) {
+  for (const std::uint64_t i : frame_order(std::span<const ColumnEntry>(directory.entries))) {
     place_frames(directory.entries[i], offset);
   }
   return in.good() && in.left() == 0;
@@ -283,7 +282,7 @@ std::string write_block(BlockHead head, std::span<const std::string_view> shapes
     collect_constants(column, constants);
     constants_before = 0;
   }
-  for (const std::size_t i : frame_order(columns)) {
+  for (const std::uint64_t i : frame_order(columns)) {
     collect_frames(columns[i], column_frames);
   }
   std::string directory;

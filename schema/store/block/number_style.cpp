@@ -463,11 +463,11 @@ void put_style(const NumberStyle& style, std::string& out) {
   }
 }
 
-std::optional<NumberStyle> take_style(ByteReader& in) {
-  NumberStyle style;
+bool take_style(ByteReader& in, NumberStyle& style) {
+  style = NumberStyle();
   const std::uint8_t kind = in.byte();
   if (kind > static_cast<std::uint8_t>(NumberKind::byte)) {
-    return std::nullopt;
+    return false;
   }
   style.kind = static_cast<NumberKind>(kind);
   if (style.kind == NumberKind::decimal) {
@@ -489,14 +489,14 @@ std::optional<NumberStyle> take_style(ByteReader& in) {
   } else if (register_bytes(style.kind) == 4) {
     const std::uint8_t order = in.byte();
     if (order > static_cast<std::uint8_t>(WordOrder::dcba)) {
-      return std::nullopt;
+      return false;
     }
     style.order = static_cast<WordOrder>(order);
     style.decimals = in.byte();
   }
   const bool sane = style.decimals <= kMaxDecimals && style.min_decimals <= style.decimals && style.width >= 1 &&
                     style.width <= kMaxDigits && style.digits <= kMaxSignificant;
-  return in.good() && sane ? std::optional(style) : std::nullopt;
+  return in.good() && sane;
 }
 
 }  // namespace tacho::store

@@ -58,8 +58,8 @@ struct NumberStyle {
 };
 
 void put_style(const NumberStyle& style, std::string& out);
-/// Empty when the bytes are no style.
-std::optional<NumberStyle> take_style(ByteReader& in);
+/// False when the bytes are no style. Written where it belongs: copying it costs as much as reading it.
+[[nodiscard]] bool take_style(ByteReader& in, NumberStyle& style);
 
 /// The value that append_number() turns into exactly `text`; empty when there is none.
 std::optional<std::int64_t> number_value(const NumberStyle& style, std::string_view text);
