@@ -1,7 +1,7 @@
 // Tables by alarm code: counts, active and stopped time, and the three Paretos.
 
 #include <algorithm>
-#include <set>
+#include <map>
 
 #include "analyzer/analyses/alarm_results.hpp"
 #include "analyzer/analyses/cells.hpp"
@@ -11,40 +11,25 @@ namespace {
 
 constexpr std::size_t kTopCodes = 10;
 
-struct Span {
-  double mid = 0.0, lo = 0.0, hi = 0.0;
-};
-
-/// Active time inside the record. The end of an open alarm and the start of one that stood already are the record's.
-Span active_s(const AlarmInterval& a, Micros record_from_us) {
-  const auto s = [](Micros us) { return std::max(0.0, static_cast<double>(us) * 1e-6); };
-  const Micros onset_lo = std::max(a.onset_lo_us.value_or(a.onset_hi_us), std::min(record_from_us, a.onset_hi_us));
-  const Micros onset_hi = std::max(a.onset_hi_us, std::min(record_from_us, a.clear_lo_us));
-  const Micros clear_hi = a.clear_hi_us.value_or(a.clear_lo_us);
-  return {s(a.clear_mid_us() - (onset_lo + (onset_hi - onset_lo) / 2)), s(a.clear_lo_us - onset_hi),
-          s(clear_hi - onset_lo)};
-}
-
 struct CodeSum {
   AlarmKey key;
   std::string desc;
   std::int64_t raises = 0, listed = 0, repeats = 0, robots = 0;
-  Span active;
+  ActiveTime active;
   double stopped_s = 0.0, stopped_first_s = 0.0;
   double hours = 0.0, km = 0.0;
   Lasting fleeting, stale;
   bool censored_set = false;
 };
 
-void add(CodeSum& sum, const AlarmInterval& a, const RobotAlarms& robot, const AlarmRules& rules) {
-  const Span active = active_s(a, robot.exposure.first_us);
+void add(CodeSum& sum, const AlarmInterval& a, const ActiveTime& active, const AlarmRules& rules) {
   const Lasting brief = fleeting({&a, 1}, rules.fleeting_s);
   sum.raises += a.counts() ? 1 : 0;
   sum.listed += 1;
   sum.repeats += a.repeats;
-  sum.active.mid += active.mid;
-  sum.active.lo += active.lo;
-  sum.active.hi += active.hi;
+  sum.active.mid_s += active.mid_s;
+  sum.active.lo_s += active.lo_s;
+  sum.active.hi_s += active.hi_s;
   sum.stopped_s += a.stopped_s;
   sum.stopped_first_s += a.stopped_first_s;
   sum.fleeting.sure += brief.sure;
@@ -62,14 +47,16 @@ using CodeSums = std::map<AlarmKey, CodeSum>;
 
 /// Adds the intervals of one robot, without exposure.
 void add(CodeSums& sums, const RobotAlarms& robot, const AlarmRules& rules) {
-  std::set<AlarmKey> mine;
+  std::map<AlarmKey, Micros> counted_until;
   for (const AlarmInterval& a : robot.intervals()) {
     CodeSum& sum = sums[a.key];
     sum.key = a.key;
-    sum.robots += mine.insert(a.key).second ? 1 : 0;
-    add(sum, a, robot, rules);
+    const auto [until, first] = counted_until.try_emplace(a.key, robot.exposure.first_us);
+    sum.robots += first ? 1 : 0;
+    add(sum, a, active_time(a, robot.exposure.first_us, until->second), rules);
+    until->second = std::max(until->second, a.clear_hi_us.value_or(a.clear_lo_us));
   }
-  for (const AlarmKey& key : mine) {
+  for (const auto& [key, until] : counted_until) {
     const auto words = robot.words.find(key);
     if (words != robot.words.end() && !words->second.desc.empty()) {
       sums[key].desc = words->second.desc;
@@ -105,7 +92,7 @@ std::vector<ColumnSpec> code_columns() {
           {"share", "1", "Of all raises"},
           {"per_hour", "1/h", "Raises per robot hour", true},
           {"per_100km", "1/100km", "Raises per 100 km", true},
-          {"active", "s", "Time it stood inside the record", true},
+          {"active", "s", "Time it was seen to stand; what gaps may hold of it is in the upper limit alone", true},
           {"stopped_s", "s", "Task running and not moving while it stood; simultaneous alarms share equally"},
           {"stopped_first_s", "s", "The same, all of it to the alarm that stood first"},
           integer_column("fleeting_sure", "Surely fleeting"),
@@ -127,7 +114,7 @@ std::vector<Value> code_cells(const CodeSum& c, double all_raises, bool has_odo)
           cells::rate(static_cast<double>(c.raises), c.hours, 1.0, "1/h"),
           has_odo ? cells::rate(static_cast<double>(c.raises), c.km, 100.0, "1/100km")
                   : cells::missing("1/100km", "the odometer is not in the log"),
-          cells::bounded(c.active.mid, c.active.lo, c.active.hi, "s"),
+          cells::bounded(c.active.mid_s, c.active.lo_s, c.active.hi_s, "s"),
           c.stopped_s,
           c.stopped_first_s,
           c.fleeting.sure,
@@ -214,7 +201,7 @@ void add_alarm_code_tables(const AlarmData& data, Section& section) {
   section.tables.push_back(code_table(data, codes));
   const ParetoOf all[] = {
       {"pareto_count", "Top codes by count", "", [](const CodeSum& c) { return static_cast<double>(c.raises); }},
-      {"pareto_active", "Top codes by active time", "s", [](const CodeSum& c) { return c.active.mid; }},
+      {"pareto_active", "Top codes by active time", "s", [](const CodeSum& c) { return c.active.mid_s; }},
       {"pareto_stopped", "Top codes by stopped time attributed", "s", [](const CodeSum& c) { return c.stopped_s; }}};
   for (const ParetoOf& of : all) {
     section.tables.push_back(pareto(of, codes));

@@ -133,6 +133,10 @@ std::vector<std::string> alarm_notes(const AlarmData& data) {
       "Rates count raises seen while the robot was observed: alarms that stood in the first poll or came up in a gap "
       "are "
       "listed, not counted. Limits are Garwood's, 95 %.",
+      "Active time is what was seen: in a gap (recorder off, robot not reached) nobody knows when an alarm came or "
+      "went, "
+      "so the gap is in the upper limit alone, unless the robot's stamp proves that the alarm stood through it or says "
+      "when it came.",
       fmt::format(
           "Stop: task running, robot not moving, and an alarm of level {} or worse active. Up time: task running "
           "without such a stop. MTBF = up time / stops.",

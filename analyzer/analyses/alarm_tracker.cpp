@@ -15,7 +15,13 @@ const char* clear_name(Clear clear) {
   return kNames[static_cast<std::size_t>(clear)];
 }
 
-namespace {}  // namespace
+namespace {
+
+/// A gap holds the onset, and no stamp says when in it.
+bool onset_unseen(const AlarmInterval& a) { return a.onset == Onset::in_gap && !(a.stamped && a.first_times <= 1); }
+bool clear_unseen(const AlarmInterval& a) { return a.clear == Clear::in_gap || a.clear == Clear::censored; }
+
+}  // namespace
 
 std::string alarm_text(const AlarmKey& key) {
   return std::string(alarm_level_name(key.level)) + " " + std::to_string(key.code);
@@ -23,9 +29,7 @@ std::string alarm_text(const AlarmKey& key) {
 
 Micros AlarmInterval::onset_mid_us() const { return onset_lo_us ? middle(*onset_lo_us, onset_hi_us) : onset_hi_us; }
 
-Micros AlarmInterval::clear_mid_us() const { return clear_hi_us ? middle(clear_lo_us, *clear_hi_us) : clear_lo_us; }
-
-double AlarmInterval::duration_lo_s() const { return std::max(0.0, to_seconds(clear_lo_us - onset_hi_us)); }
+double AlarmInterval::duration_lo_s() const { return std::max(0.0, to_seconds(clear_lo_us - onset_hi_us - unseen_us)); }
 
 std::optional<double> AlarmInterval::duration_hi_s() const {
   if (!onset_lo_us || !clear_hi_us) {
@@ -34,7 +38,19 @@ std::optional<double> AlarmInterval::duration_hi_s() const {
   return to_seconds(*clear_hi_us - *onset_lo_us);
 }
 
-double AlarmInterval::duration_mid_s() const { return std::max(0.0, to_seconds(clear_mid_us() - onset_mid_us())); }
+ActiveTime active_time(const AlarmInterval& a, Micros record_from_us, Micros counted_until_us) {
+  const auto length = [](Micros from_us, Micros to_us) { return std::max(0.0, to_seconds(to_us - from_us)); };
+  const Micros onset_lo = std::max(a.onset_lo_us.value_or(a.onset_hi_us), std::min(record_from_us, a.onset_hi_us));
+  const Micros onset_hi = std::max(a.onset_hi_us, std::min(record_from_us, a.clear_lo_us));
+  const Micros clear_hi = a.clear_hi_us.value_or(a.clear_lo_us);
+  const Micros onset = onset_unseen(a) ? onset_hi : middle(onset_lo, onset_hi);
+  const Micros clear = clear_unseen(a) ? a.clear_lo_us : middle(a.clear_lo_us, clear_hi);
+  ActiveTime active;
+  active.lo_s = length(onset_hi, a.clear_lo_us - a.unseen_us);
+  active.mid_s = length(onset, clear - a.unseen_us);
+  active.hi_s = std::max(active.mid_s, length(std::max(onset_lo, counted_until_us), clear_hi));
+  return active;
+}
 
 struct AlarmTracker::View {
   AlarmLevel level;
@@ -128,8 +144,11 @@ void AlarmTracker::still_there(const View& view, const AlarmPoll::Item& item, Op
     return;
   }
   AlarmInterval& interval = intervals_[open.interval];
-  if (view.gap) {
-    (item.stamp_s != 0 && open.stamp_s != 0 ? interval.over_gap : interval.assumed_one) = true;
+  if (const bool proven = item.stamp_s != 0 && open.stamp_s != 0; view.gap && proven) {
+    interval.over_gap = true;
+  } else if (view.gap) {
+    interval.assumed_one = true;
+    interval.unseen_us += view.poll.t_recv_us - view.before.t_send_us;
   }
   if (grew) {
     interval.repeats += item.times - open.times;

@@ -82,6 +82,7 @@ struct AlarmInterval {
   std::int64_t repeats = 0;      ///< sum of positive steps of `times`
   bool over_gap = false;         ///< goes on over a gap, proven by its stamp
   bool assumed_one = false;      ///< goes on over a gap, without a stamp to prove it
+  Micros unseen_us = 0;          ///< of gaps it is only assumed to stand over: in the longest possible duration alone
   bool censored_set = false;     ///< its set was full once: bounds, not sightings
   bool stamped = false;          ///< onset narrowed by the robot's stamp
   double stopped_s = 0.0;        ///< stopped time attributed, shared equally between simultaneous alarms
@@ -91,13 +92,18 @@ struct AlarmInterval {
   /// Raised while the robot was observed: what rates count.
   [[nodiscard]] bool counts() const { return onset == Onset::seen || onset == Onset::inferred; }
   [[nodiscard]] Micros onset_mid_us() const;
-  /// For an open alarm the last sighting.
-  [[nodiscard]] Micros clear_mid_us() const;
   [[nodiscard]] double duration_lo_s() const;
   /// Empty: no bound.
   [[nodiscard]] std::optional<double> duration_hi_s() const;
-  [[nodiscard]] double duration_mid_s() const;
 };
+
+/// How long an alarm stood inside the record. What gaps may hold of it is in `hi` alone: nobody was there to see it.
+struct ActiveTime {
+  double mid_s = 0.0, lo_s = 0.0, hi_s = 0.0;
+};
+/// `record_from_us`: the first poll, where an alarm that stood already is taken up; `counted_until_us`: end of what the
+/// upper limits of earlier alarms of this key hold, for two that met in one gap did not both last through it.
+ActiveTime active_time(const AlarmInterval& alarm, Micros record_from_us, Micros counted_until_us);
 
 /// Host clock minus robot clock, as an interval that holds the truth.
 struct ClockOffset {

@@ -222,6 +222,49 @@ TEST_CASE("stopped time goes to the alarms that stood while a task ran and the r
   CHECK(mtbf_h / (mtbf_h + mttr_h) == Approx(num(test::cell(stops, 0, "availability"))).epsilon(1e-4));
 }
 
+TEST_CASE("time in which the recorder was off is no active time, but may be: it is in the upper limit, once") {
+  struct Case {
+    const char* what;
+    std::int64_t stamp_before, stamp_after;
+    bool before, after;
+    double active_s, upper_s;
+  };
+  const double gap_s = 10'000.0;
+  const auto unix_s = [](double t_s) { return MemoryLog::micros(t_s) / 1'000'000; };
+  for (const Case& c :
+       {Case{"gone afterwards", 0, 0, true, false, 100.0, 100.0 + gap_s},
+        Case{"there only afterwards", 0, 0, false, true, 100.0, 100.0 + gap_s},
+        Case{"there again, without a stamp", 0, 0, true, true, 200.0, 200.0 + gap_s},
+        Case{"another one", unix_s(900), unix_s(10'900), true, true, 200.0, 200.0 + gap_s},
+        Case{"proven by its stamp", unix_s(900), unix_s(900), true, true, 200.0 + gap_s, 200.0 + gap_s}}) {
+    MemoryLog log;
+    const RobotId robot = log.add_robot("amr-1");
+    log.period(robot, Source::status, 1.0);
+    for (int k = 0; k < 2'000; ++k) {  // on for 1000 s, off for 10000 s, on for 1000 s
+      const bool off_before = k >= 1'000;
+      Sample& row = log.row(robot, Source::status, k + (off_before ? gap_s - 1.0 : 0.0));
+      MemoryLog::no_alarms(row);
+      if (off_before ? c.after && k < 1'101 : c.before && k >= 900) {
+        MemoryLog::alarm(row, AlarmLevel::error, 52200, off_before ? c.stamp_after : c.stamp_before);
+      }
+    }
+    INFO(c.what);
+    const Section section = run(log);
+    const auto active = std::get<Quantity>(test::cell(test::table(section, "by_code"), 0, "active"));
+    CHECK(active.value.value() == Approx(c.active_s).margin(2.0));
+    CHECK(active.lo.value() <= c.active_s + 0.1);
+    CHECK(active.lo.value() >= c.active_s - 4.0);
+    CHECK(active.hi.value() == Approx(c.upper_s).margin(4.0));
+    CHECK(num(test::cell(test::table(section, "pareto_active"), 0, "value")) == active.value.value());
+    CHECK(test::has_note(section, "recorder off"));
+    double surely_s = 0.0;
+    for (const auto& row : test::table(section, "intervals").rows) {
+      surely_s += num(row[test::column(test::table(section, "intervals"), "duration_lo_s")]);
+    }
+    CHECK(surely_s <= c.active_s + 0.1);
+  }
+}
+
 TEST_CASE("a flood of two robots is seen by the operator before either robot has one") {
   MemoryLog log;
   const RobotId a = log.add_robot("amr-1");
