@@ -52,6 +52,10 @@ std::optional<double> Episode::duration_hi_s() const {
   return to_seconds(*end_hi_us - *onset_lo_us);
 }
 
+double Episode::duration_most_s() const {
+  return std::max(0.0, to_seconds(end_hi_us.value_or(end_lo_us) - onset_lo_us.value_or(onset_hi_us)));
+}
+
 double Episode::moved_m() const { return at && last_at ? math::distance(*at, *last_at) : 0.0; }
 
 void EpisodeMachine::see(Episode& episode, Micros t_send_us, const Sighting& sighting) const {

@@ -50,6 +50,8 @@ struct Episode {
   [[nodiscard]] Micros end_mid_us() const;
   [[nodiscard]] double duration_lo_s() const;
   [[nodiscard]] std::optional<double> duration_hi_s() const;
+  /// The same inside the record: where it has no bound, from its first or to its last sighting.
+  [[nodiscard]] double duration_most_s() const;
   [[nodiscard]] double duration_mid_s() const;
   /// Straight distance between the places where it was first and last seen; 0 when they are not known.
   [[nodiscard]] double moved_m() const;

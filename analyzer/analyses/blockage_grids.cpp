@@ -134,7 +134,7 @@ void add_rate_layers(GridMaker& maker, const Site& site, double min_passes) {
   const math::Shrinkage shrink = math::shrinkage(k, e);
   maker.layer("rate", "Episodes per pass", "1/pass",
               [&](const SiteCell& c) { return nan_unless(c.passes >= min_passes, c.episodes / c.passes); });
-  maker.layer("rate_per_hour", "Episodes per hour spent there", "1/h", [&](const SiteCell& c) {
+  maker.layer("rate_per_cell_hour", "Episodes per hour that robots spent in this cell", "1/h", [&](const SiteCell& c) {
     return nan_unless(c.passes >= min_passes && c.seconds > 0, c.episodes / c.seconds * 3'600.0);
   });
   maker.layer("theta", "Episodes per pass, drawn towards the mean of the site", "1/pass",

@@ -87,13 +87,11 @@ bool costs(const RobotBlockage& robot, const Episode& e) {
 
 Loss loss_of(const Episode& e, std::optional<double> median_mps) {
   const double free_s = median_mps ? e.moved_m() / *median_mps : 0.0;
-  const Micros from = e.onset_lo_us.value_or(e.onset_hi_us);
-  const Micros to = e.end_hi_us.value_or(e.end_lo_us);
   Loss loss;
   loss.episode = &e;
   loss.mid_s = std::max(0.0, e.duration_mid_s() - free_s);
   loss.lo_s = std::max(0.0, e.duration_lo_s() - free_s);
-  loss.hi_s = std::max(loss.mid_s, static_cast<double>(to - from) * 1e-6 - free_s);
+  loss.hi_s = std::max(loss.mid_s, e.duration_most_s() - free_s);
   return loss;
 }
 
@@ -206,6 +204,8 @@ std::vector<std::string> blockage_notes(const BlockageData& data) {
       "pose jumps and changes of map give none. A pass is an entry into a cell; coming back within 2 s is the same "
       "pass. "
       "Poses nearer to each other than the smallest stride are a stand.",
+      "per_hour = episodes / hours in which the robot was observed, wherever it was. rate_per_cell_hour of the map = "
+      "episodes / hours that all robots spent in that cell: it is higher, and no rate of a robot.",
       "rate = episodes / passes (hidden below the smallest number of passes); theta = the same, drawn towards the "
       "site's "
       "mean where a cell has little data (empirical Bayes); opacity = how much the cell's own data count.",

@@ -22,8 +22,7 @@ struct EpisodeSum {
     ++episodes;
     mid_s += e.duration_mid_s();
     lo_s += e.duration_lo_s();
-    // Without a bound the record's is used: the episode stood at its start or its end.
-    hi_s += e.duration_hi_s().value_or(e.duration_mid_s());
+    hi_s += e.duration_most_s();
     lost_s += loss.mid_s;
     lost_lo_s += loss.lo_s;
     lost_hi_s += loss.hi_s;
@@ -51,7 +50,7 @@ DataTable by_robot(const BlockageData& data) {
                    {"distance", "km", "Path between poses"},
                    integer_column("episodes", "Blocked episodes"),
                    integer_column("incidents", "Episodes within 10 min and 1 m of the one before count once"),
-                   {"per_hour", "1/h", "Episodes per observed hour", true},
+                   {"per_hour", "1/h", "Episodes per hour in which the robot was observed, wherever it was", true},
                    {"per_km", "1/km", "Episodes per km", true},
                    {"blocked", "s", "Sum of durations; limits over the poll bounds", true},
                    {"lost", "s", "Lost time; limits over the poll bounds", true},

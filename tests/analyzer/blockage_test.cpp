@@ -160,6 +160,51 @@ TEST_CASE("lost time and its share agree with the simulated truth within their l
   CHECK_FALSE(finding.evidence.empty());
 }
 
+TEST_CASE("lost time is never longer than blocked time, nor its upper limit, whatever gaps and ends hide") {
+  struct Stretch {
+    int from_s, to_s;
+  };
+  const Stretch kWholeRecord{0, 2'000};
+  // Blocked from the first poll into a gap, through a gap, out of a gap to the last poll.
+  for (const Stretch blocked : {Stretch{0, 1'000}, Stretch{900, 1'100}, Stretch{1'000, 2'000}, kWholeRecord}) {
+    MemoryLog log;
+    const RobotId robot = log.add_robot("amr-1");
+    log.period(robot, Source::status, 1.0);
+    for (int k = 0; k < 2'000; ++k) {
+      Sample& row = log.row(robot, Source::status, k < 1'000 ? k : k + 10'000);
+      MemoryLog::set(row, "x", 5.0);
+      MemoryLog::set(row, "y", 5.0);
+      MemoryLog::set_int(row, "task_status", 2);
+      MemoryLog::set_int(row, "blocked", k >= blocked.from_s && k < blocked.to_s ? 1 : 0);
+    }
+    const Section section = run(log);
+    for (const char* table : {"by_robot", "by_reason"}) {
+      CAPTURE(blocked.from_s, blocked.to_s, table);
+      const auto stood = std::get<Quantity>(test::cell(test::table(section, table), 0, "blocked"));
+      const auto lost = std::get<Quantity>(test::cell(test::table(section, table), 0, "lost"));
+      CHECK(stood.value.value() == Approx(blocked.to_s - blocked.from_s).margin(3.0));
+      CHECK(lost.value.value() <= stood.value.value());
+      CHECK(lost.lo.value() <= stood.lo.value());
+      CHECK(lost.hi.value() <= stood.hi.value());
+      CHECK(stood.hi.value() == Approx(blocked.to_s - blocked.from_s + 10'000.0).margin(3.0));
+    }
+  }
+}
+
+TEST_CASE("episodes per hour of a robot and per hour spent in a cell are two figures with two names") {
+  test::SimulatedLog log(hot_hall(5), 3'600.0, {{Source::status, 1.0}});
+  const Section section = run(log);
+  const auto per_hour = std::get<Quantity>(test::cell(test::table(section, "by_robot"), 0, "per_hour"));
+  const double observed_h = num(test::cell(test::table(section, "by_robot"), 0, "observed"));
+  CHECK(per_hour.value.value() * observed_h ==
+        Approx(num(test::cell(test::table(section, "by_robot"), 0, "episodes"))));
+  const Grid& grid = test::grid(section);
+  const auto named_per_hour = [](const GridLayer& layer) { return layer.name.ends_with("per_hour"); };
+  CHECK(std::none_of(grid.layers.begin(), grid.layers.end(), named_per_hour));
+  CHECK_NOTHROW(test::layer(grid, "rate_per_cell_hour"));
+  CHECK(test::has_note(section, "rate_per_cell_hour"));
+}
+
 TEST_CASE("shares of lost time are percent everywhere, and the name says of what") {
   test::SimulatedLog log(hot_hall(6), 2 * 3'600.0, {{Source::status, 1.0}});
   const Section section = run(log);
