@@ -13,9 +13,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The fenced sql blocks of the README, in its order.
-std::vector<std::string> readme_queries() {
-  const std::string text = read_file(fs::path(TACHO_SOURCE_DIR) / "README.md");
+/// The fenced sql blocks of a README, in its order.
+std::vector<std::string> readme_queries(const char* readme = "README.md") {
+  const std::string text = read_file(fs::path(TACHO_SOURCE_DIR) / readme);
   const std::string open = "```sql\n";
   std::vector<std::string> queries;
   for (std::size_t at = text.find(open); at != std::string::npos; at = text.find(open, at)) {
@@ -72,6 +72,20 @@ TEST_CASE("every query of the README runs and finds something") {
     INFO(query);
     CHECK_FALSE(rows(readme_log(), query).empty());
   }
+}
+
+TEST_CASE("the queries of the tables' README join by the robot's name") {
+  const std::vector<std::string> queries = readme_queries("schema/store/sql/README.md");
+  REQUIRE(queries.size() == 2);
+  const Json blocked = rows(readme_log(), queries[0]);
+  REQUIRE(blocked.size() == 2);
+  CHECK(blocked[0]["robot"] == "amr1");
+  CHECK(number(blocked[0]["answered"]) == 1.0);
+  CHECK(number(blocked[0]["blocked"]) > 0);
+  CHECK(number(blocked[1]["answered"]) == Approx(7'140.0 / 7'200.0));
+  const Json links = rows(readme_log(), queries[1]);
+  REQUIRE_FALSE(links.empty());
+  CHECK(links[0]["robot"] == "amr2");
 }
 
 TEST_CASE("README: what the rollups say of voltage and current is what the rows say") {

@@ -158,9 +158,9 @@ TEST_CASE("an export to SQLite holds the rows of the virtual tables") {
   CHECK(static_cast<std::int64_t>(rows) == expected_rows);
   for (const char* sql : {"select id, name, address, mac, firmware from robot order by id",
                           "select id, t_start_us, t_end_us, clean, software from session",
-                          "select robot, source, seq_from, t_from_us, cause from gap order by 1, 4",
+                          "select robot, robot_id, seq_from, t_from_us, cause from gap order by 1, 4",
                           "select robot, kind, t_us, subject, new_value from event order by 3, 1, 2, 4",
-                          "select robot, session, wall_us, mono_us, robot_us from clock order by 3, 1",
+                          "select robot, robot_id, wall_us, mono_us, robot_us from clock order by 3, 2",
                           "select id, name, unit, kind, meaning from field order by 1",
                           "select list, value, name, meaning, 1 from code order by 1, 2"}) {
     INFO(sql);
@@ -192,7 +192,8 @@ TEST_CASE("what belongs to no robot is exported, once") {
   const auto log = open_log(paths);
   export_sqlite(*log, everything(*log), dir / "out.db");
   store::Connection connection(dir / "out.db", store::OpenMode::read);
-  CHECK(connection.integer("select count(*) from event where kind = 'config_changed'") == 1);
+  CHECK(connection.integer("select count(*) from event where kind = 'config_changed' and robot is null") == 1);
+  CHECK(connection.integer("select count(*) from event where robot = 'amb-01'") > 0);
   CHECK(connection.integer("select count(*) from clock where mono_us = 1") == 1);
 }
 

@@ -215,8 +215,8 @@ TEST_CASE("conditions joined by or give each row once") {
     CHECK(integer(session, "select count(*) - count(distinct rowid) from " + table) == 0);
   }
   CHECK(integer(session, "select count(*) - count(distinct rowid) from event") == 0);
-  CHECK(integer(session, "select count(*) from event where robot = 1 or robot = 2 and kind = 'station'") ==
-        integer(session, "select count(*) from event where +robot = 1 or +robot = 2 and +kind = 'station'"));
+  CHECK(integer(session, "select count(*) from event where robot = 'amb-01' or robot_id = 2 and kind = 'station'") ==
+        integer(session, "select count(*) from event where +robot = 'amb-01' or +robot_id = 2 and +kind = 'station'"));
 }
 
 TEST_CASE("a statement reads only its columns, its robot and its time") {
@@ -299,26 +299,53 @@ TEST_CASE("the plain tables are those of the whole log") {
   }
   REQUIRE(gaps == 1);
   CHECK(integer(session, "select count(*) from event") == static_cast<std::int64_t>(events));
-  CHECK(
-      integer(session, "select sum(n) from (select robot, count(*) n from event e where robot in (1, 2) group by 1)") ==
-      static_cast<std::int64_t>(events));
+  CHECK(integer(session,
+                "select sum(n) from (select robot, count(*) n from event e where robot in ('amb-01', 'amb-02') group "
+                "by 1)") == static_cast<std::int64_t>(events));
   CHECK(integer(session, "select count(*) from clock") == static_cast<std::int64_t>(points));
   CHECK(as_text(rows_of(session, "select robot, source, cause, t_to_us - t_from_us from gap"))
-            .find("1|'inputs'|'timeout'|") == 0);
+            .find("'amb-01'|'inputs'|'timeout'|") == 0);
   CHECK(integer(session, "select count(*) from status s join robot r on r.id = s.robot_id where r.name = s.robot") ==
         integer(session, "select count(*) from status"));
   CHECK(integer(session, "select count(*) from field") == static_cast<std::int64_t>(kFieldCount));
   CHECK(integer(session, "select count(*) from problem") == 0);
 }
 
+TEST_CASE("robot is a name in every table, and robot_id its number beside it") {
+  const auto log = open_sql_log();
+  SqlSession session(*log);
+  std::size_t with_robot = 0;
+  for (const char* table : {"status", "io", "registers", "inputs", "stream", "coverage", "gap", "event", "clock",
+                            "rollup", "unknown_key"}) {
+    INFO(table);
+    const std::string from = " from " + std::string(table);
+    const auto count = [&](const std::string& rest) { return integer(session, "select count(*)" + from + rest); };
+    CHECK(count(" where typeof(robot) not in ('text', 'null')") == 0);
+    CHECK(count(" t where (robot is null) <> (robot_id = 0)") == 0);
+    CHECK(count(" t join robot r on r.id = t.robot_id and r.name = t.robot") == count(" where robot is not null"));
+    for (const char* name : {"amb-01", "amb-02", "none"}) {  // pushed down, and looked at row by row
+      const std::string quoted = "'" + std::string(name) + "'";
+      CHECK(count(" where robot = " + quoted) == count(" where +robot = " + quoted));
+      CHECK(count(" where robot = upper(" + quoted + ") collate nocase") == count(" where robot = " + quoted));
+      with_robot += count(" where robot = " + quoted) > 0 ? 1 : 0;
+    }
+    for (const char* id : {"0", "1", "2", "7", "null"}) {
+      CHECK(count(" where robot_id = " + std::string(id)) == count(" where +robot_id = " + std::string(id)));
+    }
+  }
+  CHECK(with_robot >= 18);
+  CHECK(columns_of(session, "select * from gap").front() == "robot");
+  CHECK(columns_of(session, "select * from gap").back() == "detail");
+}
+
 TEST_CASE("rows around events: the inner table is read for the times of the outer one only") {
   const auto log = open_sql_log();
   SqlSession session(*log);
   const std::string join =
-      "from event e cross join status s on s.robot_id = e.robot and s.t_send_us between e.t_us - 5000000 and e.t_us";
+      "from event e cross join status s on s.robot = e.robot and s.t_send_us between e.t_us - 5000000 and e.t_us";
   const std::string plain =
-      "from event e cross join status s on +s.robot_id = e.robot and +s.t_send_us between e.t_us - 5000000 and e.t_us";
-  const std::string where = " where e.kind = 'blocked' and e.source = 'status' and e.robot = 1";
+      "from event e cross join status s on +s.robot = e.robot and +s.t_send_us between e.t_us - 5000000 and e.t_us";
+  const std::string where = " where e.kind = 'blocked' and e.source = 'status' and e.robot = 'amb-01'";
   CHECK(integer(session, "select count(*) " + join + where) > 0);
   CHECK(integer(session, "select count(*) " + join + where) == integer(session, "select count(*) " + plain + where));
 }

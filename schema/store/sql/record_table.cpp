@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <map>
 #include <optional>
 #include <utility>
 #include <variant>
@@ -21,6 +22,10 @@ struct RecordColumn {
   std::string_view name;
   std::string_view type;
 };
+
+// A row holds robot.id here; SQL shows the name, and the id in a hidden column after the others.
+constexpr std::string_view kRobot = "robot";
+constexpr std::string_view kRobotId = "robot_id";
 
 /// `robot` is null for tables that are not kept per robot.
 struct RecordSpec {
@@ -172,23 +177,23 @@ const std::array<RecordSpec, 10>& specs() {
                  {"model_md5", "TEXT"}, {"firmware", "TEXT"}}, robot_rows},
       {"session", {{"id", "INTEGER"}, {"t_start_us", "INTEGER"}, {"t_end_us", "INTEGER"}, {"clean", "INTEGER"},
                    {"software", "TEXT"}, {"config", "TEXT"}, {"host", "TEXT"}}, session_rows},
-      {"stream", {{"session", "INTEGER"}, {"robot", "INTEGER"}, {"source", "TEXT"}, {"period_us", "INTEGER"},
+      {"stream", {{"session", "INTEGER"}, {kRobot, "TEXT"}, {"source", "TEXT"}, {"period_us", "INTEGER"},
                   {"word_order", "TEXT"}, {"request", "TEXT"}, {"planned", "INTEGER"}}, stream_rows},
-      {"coverage", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"stored", "INTEGER"}, {"missed", "INTEGER"},
+      {"coverage", {{kRobot, "TEXT"}, {"source", "TEXT"}, {"stored", "INTEGER"}, {"missed", "INTEGER"},
                     {"planned", "INTEGER"}, {"partial", "INTEGER"}, {"undecodable", "INTEGER"}, {"bytes", "INTEGER"},
                     {"first_us", "INTEGER"}, {"last_us", "INTEGER"}, {"period_us", "INTEGER"}}, coverage_rows},
-      {"unknown_key", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"key", "TEXT"}, {"first_us", "INTEGER"}},
+      {"unknown_key", {{kRobot, "TEXT"}, {"source", "TEXT"}, {"key", "TEXT"}, {"first_us", "INTEGER"}},
        unknown_key_rows},
       {"problem", {{"place", "TEXT"}, {"what", "TEXT"}}, problem_rows},
-      {"gap", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"session", "INTEGER"}, {"seq_from", "INTEGER"},
+      {"gap", {{kRobot, "TEXT"}, {"source", "TEXT"}, {"session", "INTEGER"}, {"seq_from", "INTEGER"},
                {"seq_count", "INTEGER"}, {"t_from_us", "INTEGER"}, {"t_to_us", "INTEGER"}, {"cause", "TEXT"},
                {"partial", "INTEGER"}, {"detail", "TEXT"}}, gap_rows, true},
-      {"event", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"session", "INTEGER"}, {"kind", "TEXT"}, {"seq", "INTEGER"},
+      {"event", {{kRobot, "TEXT"}, {"source", "TEXT"}, {"session", "INTEGER"}, {"kind", "TEXT"}, {"seq", "INTEGER"},
                  {"t_from_us", "INTEGER"}, {"t_us", "INTEGER"}, {"subject", "TEXT"}, {"old_value", "TEXT"},
                  {"new_value", "TEXT"}, {"detail", "TEXT"}}, event_rows, true},
-      {"clock", {{"robot", "INTEGER"}, {"session", "INTEGER"}, {"wall_us", "INTEGER"}, {"mono_us", "INTEGER"},
+      {"clock", {{kRobot, "TEXT"}, {"session", "INTEGER"}, {"wall_us", "INTEGER"}, {"mono_us", "INTEGER"},
                  {"robot_us", "INTEGER"}}, clock_rows, true},
-      {"rollup", {{"robot", "INTEGER"}, {"source", "TEXT"}, {"minute", "INTEGER"}, {"field", "TEXT"}, {"rows", "INTEGER"},
+      {"rollup", {{kRobot, "TEXT"}, {"source", "TEXT"}, {"minute", "INTEGER"}, {"field", "TEXT"}, {"rows", "INTEGER"},
                   {"min", "REAL"}, {"max", "REAL"}, {"sum", "REAL"}, {"last", "REAL"}}, rollup_rows, true,
        [](const RowSource& log) { return log.rollup_portions(); }},
   }};
@@ -203,26 +208,37 @@ const RecordSpec& spec_of(std::string_view table) {
   return *found;
 }
 
+/// Place of the column `robot`; -1 where there is none.
+int place_of_robot(const RecordSpec& spec) {
+  const auto found =
+      std::find_if(spec.columns.begin(), spec.columns.end(), [](const RecordColumn& c) { return c.name == kRobot; });
+  return found == spec.columns.end() ? -1 : static_cast<int>(found - spec.columns.begin());
+}
+
 class RecordTable final : public Table {
  public:
-  RecordTable(const RecordSpec& spec, std::shared_ptr<SharedLog> log) : spec_(&spec), log_(std::move(log)) {}
+  RecordTable(const RecordSpec& spec, std::shared_ptr<SharedLog> log)
+      : spec_(&spec), robot_column_(place_of_robot(spec)), log_(std::move(log)) {}
 
   [[nodiscard]] std::string declaration() const override {
     std::string sql;
     for (const RecordColumn& column : spec_->columns) {
       sql += fmt::format("{}\"{}\" {}", sql.empty() ? "CREATE TABLE x(" : ", ", column.name, column.type);
     }
-    return sql + ")";
+    return sql + (robot_column_ >= 0 ? fmt::format(", {} INTEGER HIDDEN)", kRobotId) : ")");
   }
-  /// The plan is "r" when the robot is given, else empty.
+  /// The plan is "r" when the name of the robot is given, "i" when its id is, else empty.
   [[nodiscard]] std::string plan(sqlite3_index_info& info) const override;
   std::unique_ptr<TableCursor> open() override;
 
   [[nodiscard]] const RecordSpec& spec() const { return *spec_; }
+  [[nodiscard]] int robot_column() const { return robot_column_; }
+  [[nodiscard]] int robot_id_column() const { return static_cast<int>(spec_->columns.size()); }
   [[nodiscard]] SharedLog& log() const { return *log_; }
 
  private:
   const RecordSpec* spec_;
+  int robot_column_;
   std::shared_ptr<SharedLog> log_;
 };
 
@@ -231,11 +247,14 @@ std::string RecordTable::plan(sqlite3_index_info& info) const {
   info.estimatedRows = spec_->per_robot ? 10'000 : 20;
   for (int i = 0; spec_->per_robot && i < info.nConstraint; ++i) {
     const auto& constraint = info.aConstraint[i];
-    if (constraint.usable != 0 && constraint.op == SQLITE_INDEX_CONSTRAINT_EQ && constraint.iColumn == 0) {
+    const bool name = constraint.iColumn == robot_column_;
+    if (constraint.usable != 0 && constraint.op == SQLITE_INDEX_CONSTRAINT_EQ &&
+        (name || constraint.iColumn == robot_id_column()) &&
+        std::string_view(sqlite3_vtab_collation(&info, i)) == "BINARY") {
       info.aConstraintUsage[i].argvIndex = 1;
       info.estimatedCost /= 4;
       info.estimatedRows /= 4;
-      return "r";
+      return name ? "r" : "i";
     }
   }
   return {};
@@ -251,10 +270,18 @@ class RecordCursor final : public TableCursor {
     next_portion_ = portions_ = table_->spec().portions(log);
     before_ = 0;
     robots_.clear();
+    names_.clear();
+    for (const Robot& robot : log.robots()) {
+      names_[robot.id] = robot.name;
+    }
     if (table_->spec().per_robot) {
       robots_ = log.robots();
     }
     if (plan == "r") {
+      const std::string_view wanted = text_of(values[0]);
+      std::erase_if(robots_, [&](const Robot& r) { return r.name != wanted; });
+    }
+    if (plan == "i") {
       const std::int64_t wanted = sqlite3_value_int64(values[0]);
       // No such robot can still be 0, the clock points of the host: then all are read, and SQLite chooses.
       if (std::any_of(robots_.begin(), robots_.end(), [&](const Robot& r) { return r.id == wanted; })) {
@@ -280,6 +307,15 @@ class RecordCursor final : public TableCursor {
     return static_cast<std::int64_t>(std::uint64_t{robot} << kRowBits | (before_ + at_));
   }
   void column(sqlite3_context* out, int column) override {
+    if (column == table_->robot_column()) {
+      if (const auto name = names_.find(robot_of_row()); name != names_.end()) {
+        give(out, name->second);
+      }
+      return;  // of no robot: NULL
+    }
+    if (column == table_->robot_id_column()) {
+      return give(out, robot_of_row());
+    }
     const Value& value = rows_[at_][static_cast<std::size_t>(column)];
     if (const auto* n = std::get_if<std::int64_t>(&value)) {
       give(out, *n);
@@ -293,13 +329,18 @@ class RecordCursor final : public TableCursor {
  private:
   const RecordTable* table_;
   std::shared_ptr<void> in_use_;
-  std::vector<Robot> robots_;
+  std::map<std::int64_t, std::string> names_;  // of all robots, by id
+  std::vector<Robot> robots_;                  // that are read
   std::size_t next_robot_ = 0;
   std::size_t next_portion_ = 0;  // of the robot before next_robot_
   std::size_t portions_ = 0;
   std::size_t before_ = 0;  // rows of earlier portions of that robot
   std::vector<Row> rows_;
   std::size_t at_ = 0;
+
+  [[nodiscard]] std::int64_t robot_of_row() const {
+    return std::get<std::int64_t>(rows_[at_][static_cast<std::size_t>(table_->robot_column())]);
+  }
 
   void skip_empty() {
     while (at_ >= rows_.size() && (next_portion_ < portions_ || next_robot_ < robots_.size())) {

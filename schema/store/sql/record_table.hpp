@@ -1,6 +1,7 @@
 #pragma once
 // The plain tables of a log as one: robot, session, stream, coverage, unknown_key, gap, event, clock, problem. Columns
-// have the names and meanings they have in a part (schema.sql), without the ids and checksums that belong to one part.
+// have the names and meanings they have in a part (schema.sql), without the ids and checksums that belong to one part;
+// but `robot` is the robot's name, as in the tables of rows, and the hidden `robot_id` its number.
 // A table is read robot by robot when a statement uses it.
 
 #include <memory>

@@ -87,12 +87,6 @@ void narrow_by_number(Window& window, char op, sqlite3_value* value) {
   }
 }
 
-std::string_view text_of(sqlite3_value* value) {
-  const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(value));
-  return text == nullptr ? std::string_view()
-                         : std::string_view(text, static_cast<std::size_t>(sqlite3_value_bytes(value)));
-}
-
 void narrow_by_time(Window& window, char op, sqlite3_value* value) {
   if (sqlite3_value_type(value) != SQLITE_TEXT) {
     return;

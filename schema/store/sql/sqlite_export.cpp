@@ -204,6 +204,7 @@ class Exporter {
     for (const Robot& robot : what_->robots) {
       read(robot, selection_);
     }
+    name_robots();
     for (const Source source : what_->sources) {
       connection_.exec(fmt::format("CREATE INDEX {0}_time ON {0}(robot, t_send_us)", source_name(source)));
     }
@@ -248,6 +249,19 @@ class Exporter {
       if (point.robot == robot.id) {  // points of no robot come with every robot
         write(*clock_, point);
       }
+    }
+  }
+
+  /// `robot` is a name in every table; its number stays beside it. Events and clock points of no robot have no name.
+  void name_robots() {
+    for (std::optional<Statement>* insert : {&gaps_, &events_, &clock_}) {
+      insert->reset();  // a table in use cannot be altered
+    }
+    for (const char* table : {"gap", "event", "clock"}) {
+      connection_.exec(
+          fmt::format("ALTER TABLE {0} RENAME COLUMN robot TO robot_id; ALTER TABLE {0} ADD COLUMN robot TEXT; "
+                      "UPDATE {0} SET robot = (SELECT name FROM robot WHERE id = robot_id)",
+                      table));
     }
   }
 

@@ -154,6 +154,12 @@ int add_module(sqlite3* connection, const std::string& name, MakeTable make) {
   return sqlite3_create_module_v2(connection, name.c_str(), &kModule, new MakeTable(std::move(make)), forget);
 }
 
+std::string_view text_of(sqlite3_value* value) {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_value_text(value));
+  return text == nullptr ? std::string_view()
+                         : std::string_view(text, static_cast<std::size_t>(sqlite3_value_bytes(value)));
+}
+
 void give(sqlite3_context* out, std::string_view text) {
   sqlite3_result_text64(out, text.data() == nullptr ? "" : text.data(), text.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
 }

@@ -46,6 +46,9 @@ using MakeTable = std::function<std::unique_ptr<Table>(const std::vector<std::st
 /// Registers a module with the connection, which keeps `make` until it is closed. Returns a code of SQLite.
 int add_module(sqlite3* connection, const std::string& name, MakeTable make);
 
+/// The text of an argument; empty when it has none.
+std::string_view text_of(sqlite3_value* value);
+
 /// A value for the current row; empty text is text.
 void give(sqlite3_context* out, std::string_view text);
 void give(sqlite3_context* out, std::int64_t number);
