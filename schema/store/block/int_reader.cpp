@@ -274,7 +274,7 @@ bool IntReader::take(ByteReader& in, std::size_t count, const UseRun& use) {
   // On a line the first step leads to the first value.
   Undo undo(prediction, prediction == kLine ? seed - slope : seed, slope);
   const bool straight = prediction == kLine && planes == 0 && low_ == 0 && !sparse;
-  Run run;
+  Run run{};  // what lies behind the last value is added up with it
   std::size_t next = 0;
   for (std::size_t begin = 0; begin < count; begin += kRun) {
     const std::span<std::uint64_t> values(run.data(), std::min(kRun, count - begin));
