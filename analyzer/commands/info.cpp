@@ -357,22 +357,6 @@ void add_findings(Section& section, const RowSource& log, const std::vector<Cove
                                            "`export --raw` gives them back byte for byte"));
 }
 
-/// A robot that was renamed in the configuration is another row of the log.
-std::vector<std::string> second_names(const std::vector<Robot>& robots) {
-  std::vector<std::string> notes;
-  for (auto a = robots.begin(); a != robots.end(); ++a) {
-    for (auto b = a + 1; b != robots.end(); ++b) {
-      const bool by_mac = !a->mac.empty() && a->mac == b->mac;
-      if (by_mac || (a->mac.empty() && b->mac.empty() && a->address == b->address)) {
-        notes.push_back(
-            fmt::format("'{}' and '{}' have one {} ({}): is it one robot that was renamed? They are counted as two",
-                        a->name, b->name, by_mac ? "MAC" : "address", by_mac ? a->mac : a->address));
-      }
-    }
-  }
-  return notes;
-}
-
 }  // namespace
 
 std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const store::LogReader& log) {
@@ -433,9 +417,6 @@ Section info(const RowSource& log, const std::vector<Robot>& robots, const store
       fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
   if (std::string running = running_note(log, all); !running.empty()) {
     section.notes.push_back(std::move(running));
-  }
-  for (std::string& note : second_names(robots)) {
-    section.notes.push_back(std::move(note));
   }
   if (robots.empty()) {
     section.notes.push_back(

@@ -103,19 +103,3 @@ TEST_CASE("time with the recorder off is counted in seconds, told in a note, and
                   "the recorder was running for 51 % of the 100 s from the first answer to the last, off for 49 s") !=
         section.notes.end());
 }
-
-TEST_CASE("a robot under two names is pointed out, two robots are not") {
-  const MemoryLog log;
-  const auto notes = [&](const Robot& a, const Robot& b) {
-    const Section section = commands::info(log, {a, b}, nullptr, {});
-    return std::count_if(section.notes.begin(), section.notes.end(),
-                         [](const std::string& note) { return note.find("'a' and 'b' have one") == 0; });
-  };
-  const auto robot = [](RobotId id, const char* name, const char* address, const char* mac) {
-    return Robot{id, name, address, {}, mac, {}, {}};
-  };
-  CHECK(notes(robot(1, "a", "10.0.0.1:19204:502", "02AA"), robot(2, "b", "10.0.0.2:19204:502", "02AA")) == 1);
-  CHECK(notes(robot(1, "a", "10.0.0.1:19204:502", ""), robot(2, "b", "10.0.0.1:19204:502", "")) == 1);
-  CHECK(notes(robot(1, "a", "10.0.0.1:19204:502", "02AA"), robot(2, "b", "10.0.0.1:19204:502", "02BB")) == 0);
-  CHECK(notes(robot(1, "a", "10.0.0.1:19204:502", "02AA"), robot(2, "b", "10.0.0.1:19204:502", "")) == 0);
-}
