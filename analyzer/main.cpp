@@ -115,9 +115,10 @@ class Program {
   void add_info() {
     CLI::App* sub = command("info", "What the log holds, and what is missing", [this] {
       Job job = open_job(options_);
-      return print(info(*job.log, job.robots, job.reader, job.settings), job);
+      return print(info(*job.log, job.info()), job);
     });
     log_options(sub);
+    window_options(sub);
     format_options(sub, {"table", "json", "csv"});
     table_options(sub);
   }

@@ -150,6 +150,8 @@ report::Origin Job::origin() const {
   return origin;
 }
 
+InfoQuery Job::info() const { return {robots, reader, settings, window, options.zone}; }
+
 Micros time_option(const std::string& what, const std::string& text, const std::string& zone) {
   const std::optional<Micros> t = parse_time(text, zone);
   if (!t) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "analyzer/commands/info.hpp"
 #include "analyzer/report/json.hpp"
 #include "analyzer/report/section.hpp"
 #include "analyzer/settings.hpp"
@@ -54,6 +55,7 @@ struct Job {
 
   [[nodiscard]] std::vector<RobotId> robot_ids() const;
   [[nodiscard]] report::Origin origin() const;
+  [[nodiscard]] InfoQuery info() const;
 };
 
 /// Throws UsageError (unknown robot with "did you mean", times, zone, a period outside the log) or Error (log,

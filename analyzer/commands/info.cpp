@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <optional>
 
+#include "analyzer/commands/period.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::commands {
@@ -38,7 +40,11 @@ std::vector<Coverage> coverage_of(const RowSource& log, const std::vector<Robot>
   return all;
 }
 
-DataTable parts_table(const store::LogReader& reader) {
+bool overlaps(const Window& window, Micros first_us, Micros last_us) {
+  return first_us < window.to_us && last_us >= window.from_us;
+}
+
+DataTable parts_table(const store::LogReader& reader, const Window& window) {
   DataTable table{"parts",
                   "Parts",
                   {integer_column("number", "number of the part"),
@@ -49,6 +55,9 @@ DataTable parts_table(const store::LogReader& reader) {
                    {"last", "", "last answer", false, true}},
                   {}};
   for (const store::LogReader::PartInfo& part : reader.parts()) {
+    if (part.first_us != 0 && !overlaps(window, part.first_us, part.last_us)) {
+      continue;
+    }
     table.rows.push_back({static_cast<std::int64_t>(part.number), part.path.filename().string(), count(part.bytes),
                           part.closed, time_or_missing(part.first_us, "holds no answer"),
                           time_or_missing(part.last_us, "holds no answer")});
@@ -56,7 +65,7 @@ DataTable parts_table(const store::LogReader& reader) {
   return table;
 }
 
-DataTable sessions_table(const RowSource& log) {
+DataTable sessions_table(const RowSource& log, const Window& window) {
   DataTable table{"sessions",
                   "Sessions (starts of the recorder)",
                   {integer_column("session", "number"),
@@ -67,6 +76,9 @@ DataTable sessions_table(const RowSource& log) {
                    {"host", "", "host it ran on"}},
                   {}};
   for (const Session& s : log.sessions()) {
+    if (!overlaps(window, s.t_start_us, s.t_end_us == 0 ? std::numeric_limits<Micros>::max() : s.t_end_us)) {
+      continue;
+    }
     table.rows.push_back({static_cast<std::int64_t>(s.id), Time{s.t_start_us},
                           time_or_missing(s.t_end_us, "still running, or killed"), s.clean, s.software, s.host});
   }
@@ -140,7 +152,12 @@ std::string running_note(const RowSource& log, const std::vector<Coverage>& all)
                      off_s > 0.0 ? fmt::format(", off for {:.0f} s", off_s) : "");
 }
 
-DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots) {
+/// A number of which a period knows no share.
+Value of_whole(std::uint64_t n, bool period) {
+  return period ? Value(Missing{"counted for the whole log only"}) : Value(count(n));
+}
+
+DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robot>& robots, bool period) {
   DataTable table{
       "sources",
       "Answers by source",
@@ -159,11 +176,13 @@ DataTable sources_table(const std::vector<Coverage>& all, const std::vector<Robo
        {"last", "", "last answer", false, true}},
       {}};
   for (const Coverage& c : all) {
-    table.rows.push_back({robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned),
-                          count(c.stored), count(c.missed), c.stored + c.missed == c.planned, count(c.partial),
-                          count(c.undecodable), static_cast<double>(c.period_us) / 1e6, rate_of(c), count(c.bytes),
-                          time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
-                          time_or_missing(c.stored == 0 ? 0 : c.last_us, "no answer")});
+    table.rows.push_back(
+        {robot_of(robots, c.robot).name, std::string(source_name(c.source)), count(c.planned), count(c.stored),
+         count(c.missed),
+         period ? Value(Missing{"checked for the whole log: DATA-02"}) : Value(c.stored + c.missed == c.planned),
+         count(c.partial), of_whole(c.undecodable, period), static_cast<double>(c.period_us) / 1e6, rate_of(c),
+         of_whole(c.bytes, period), time_or_missing(c.stored == 0 ? 0 : c.first_us, "no answer"),
+         time_or_missing(c.stored == 0 ? 0 : c.last_us, "no answer")});
   }
   return table;
 }
@@ -357,6 +376,45 @@ void add_findings(Section& section, const RowSource& log, const std::vector<Cove
                                            "`export --raw` gives them back byte for byte"));
 }
 
+/// Of a period: says which figures are of it, and marks the others.
+void mark_whole(Section& section, const InfoQuery& query) {
+  const Window open;
+  const auto text = [&](Micros t_us, Micros none, const char* word) {
+    return t_us == none ? std::string(word) : iso_zone(t_us, query.zone);
+  };
+  section.notes.push_back(fmt::format(
+      "from {} to {}: parts, sessions, answers, missed polls and DATA-01 are of this period; all else is of the whole "
+      "log",
+      text(query.window.from_us, open.from_us, "the start of the log"),
+      text(query.window.to_us, open.to_us, "the end of the log")));
+  for (Finding& finding : section.findings) {
+    finding.title += finding.id == "DATA-01" ? "" : " (whole log)";
+  }
+  for (DataTable& table : section.tables) {
+    const bool whole = table.name == "unknown_keys" || table.name == "never_seen" || table.name == "problems";
+    table.title += whole ? " (whole log)" : "";
+  }
+}
+
+void add_notes(Section& section, const RowSource& log, const InfoQuery& query, const std::vector<Coverage>& all) {
+  const auto add = [&](std::vector<std::string> notes) {
+    section.notes.insert(section.notes.end(), notes.begin(), notes.end());
+  };
+  if (query.reader != nullptr) {
+    add(notes_of(query.reader->absent(), *query.reader));
+  }
+  const auto unknown = std::find_if(section.tables.begin(), section.tables.end(),
+                                    [](const DataTable& table) { return table.name == "unknown_keys"; });
+  const std::size_t keys = unknown == section.tables.end() ? 0 : unknown->rows.size();
+  add({fmt::format("{} unknown keys{}", keys, keys == 0 ? ": every key of the answers is a field" : "")});
+  if (std::string running = running_note(log, all); !running.empty()) {
+    add({std::move(running)});
+  }
+  if (query.robots.empty()) {
+    add({"this log holds no robot: the recorder was started without one, or nothing was written yet"});
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const store::LogReader& log) {
@@ -380,48 +438,45 @@ std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const 
 
 std::span<const SettingRow> info_settings() { return kSettings; }
 
-Section info(const RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
-             const Settings& settings) {
+Section info(RowSource& log, const InfoQuery& query) {
   Section section;
   section.name = "info";
   section.title = "Log";
   section.question = "What does this log hold, and what is missing?";
-  const std::vector<Coverage> all = coverage_of(log, robots);
+  const std::vector<Robot>& robots = query.robots;
+  const store::LogReader* reader = query.reader;
+  const Window open;
+  const bool period = query.window.from_us != open.from_us || query.window.to_us != open.to_us;
+  const std::vector<Coverage> whole = coverage_of(log, robots);
+  const std::vector<Coverage> all = period ? coverage_within(log, whole, query.window) : whole;
   const store::LogReader::Absent absent = reader == nullptr ? store::LogReader::Absent{} : reader->absent();
   const bool damaged = !log.problems().empty() || !absent.between.empty();
   for (const Robot& robot : robots) {
-    section.findings.push_back(coverage_finding(robot, all, settings));
-    section.findings.push_back(accounting_finding(robot, all, damaged));
+    section.findings.push_back(coverage_finding(robot, all, query.settings));
+    section.findings.push_back(accounting_finding(robot, whole, damaged));
   }
   if (reader != nullptr) {
-    section.tables.push_back(parts_table(*reader));
+    section.tables.push_back(parts_table(*reader, query.window));
   }
-  section.tables.push_back(sessions_table(log));
+  section.tables.push_back(sessions_table(log, query.window));
   section.tables.push_back(robots_table(robots));
-  section.tables.push_back(sources_table(all, robots));
+  section.tables.push_back(sources_table(all, robots, period));
   section.tables.push_back(missed_table(all, robots));
   DataTable unknown = unknown_table(log, robots);
   const std::size_t unknown_keys = unknown.rows.size();
   section.tables.push_back(std::move(unknown));
-  section.tables.push_back(never_seen_table(all, robots));
+  section.tables.push_back(never_seen_table(whole, robots));
   section.tables.push_back(problems_table(log, absent));
-  add_findings(section, log, all, unknown_keys);
+  add_findings(section, log, whole, unknown_keys);
   if (reader != nullptr) {
     section.findings.push_back(
         count_finding("DATA-13", "parts that are missing between others", absent.between.size(),
                       "put the missing files back: what they held is neither stored nor missed"));
-    std::vector<std::string> notes = notes_of(absent, *reader);
-    section.notes.insert(section.notes.end(), notes.begin(), notes.end());
   }
-  section.notes.push_back(
-      fmt::format("{} unknown keys{}", unknown_keys, unknown_keys == 0 ? ": every key of the answers is a field" : ""));
-  if (std::string running = running_note(log, all); !running.empty()) {
-    section.notes.push_back(std::move(running));
+  if (period) {
+    mark_whole(section, query);
   }
-  if (robots.empty()) {
-    section.notes.push_back(
-        "this log holds no robot: the recorder was started without one, or nothing was written yet");
-  }
+  add_notes(section, log, query, all);
   return section;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 // What a log holds, how complete it is and what is wrong with it. Of closed parts it reads the summaries
-// only.
+// only, unless a period is asked for.
 
 #include <string>
 
@@ -11,9 +11,15 @@
 
 namespace tacho::commands {
 
-/// `reader`: the log's parts, null when it has none.
-Section info(const RowSource& log, const std::vector<Robot>& robots, const store::LogReader* reader,
-             const Settings& settings);
+struct InfoQuery {
+  std::vector<Robot> robots;                 ///< those asked for
+  const store::LogReader* reader = nullptr;  ///< the log's parts, null when it has none
+  Settings settings;
+  /// Parts, sessions, answers, missed polls and DATA-01 are those of it; what only the whole log can tell says so.
+  Window window;
+  std::string zone = "UTC";
+};
+Section info(RowSource& log, const InfoQuery& query);
 
 /// In words: parts that are no longer at the beginning of a log, and whether one seems to be missing at its end.
 std::vector<std::string> notes_of(const store::LogReader::Absent& absent, const store::LogReader& log);

@@ -51,17 +51,7 @@ int report_all(Job& job) {
   if (!job.robots.empty()) {
     sections = run_analyses(analyses(), *job.log, job.robot_ids(), job.window, job.options.zone, job.settings);
   }
-  sections.insert(sections.begin(), info(*job.log, job.robots, job.reader, job.settings));
-  if (!job.options.from.empty() || !job.options.to.empty()) {
-    Section& whole = sections.front();
-    whole.title += " (the whole log, not only the period asked for)";
-    whole.notes.insert(
-        whole.notes.begin(),
-        "Every figure and verdict of this section is about the whole log, not about the period asked for.");
-    for (Finding& finding : whole.findings) {
-      finding.title += " (whole log)";
-    }
-  }
+  sections.insert(sections.begin(), info(*job.log, job.info()));
   tell_problems(*job.log);
   report::Manifest manifest = manifest_of(job);
   const std::string summary = report::summary_text(sections, manifest.origin);

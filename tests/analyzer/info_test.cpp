@@ -29,7 +29,7 @@ MemoryLog mostly_recorded() {
 
 Finding stored_share(const Settings& settings) {
   MemoryLog log = mostly_recorded();
-  const Section section = commands::info(log, log.robots(), nullptr, settings);
+  const Section section = commands::info(log, {log.robots(), nullptr, settings});
   REQUIRE(section.findings.at(0).id == "DATA-01");
   return section.findings[0];
 }
@@ -86,7 +86,7 @@ TEST_CASE("time with the recorder off is counted in seconds, told in a note, and
   off.t_to_us = MemoryLog::micros(90.0);
   off.cause = Cause::recorder_off;
   log.gap(off);
-  const Section section = commands::info(log, log.robots(), nullptr, {});
+  const Section section = commands::info(log, {log.robots()});
   const auto cell = [&](const char* table_name, const char* column) {
     for (const DataTable& table : section.tables) {
       for (std::size_t c = 0; table.name == table_name && c < table.columns.size(); ++c) {
@@ -102,4 +102,38 @@ TEST_CASE("time with the recorder off is counted in seconds, told in a note, and
   CHECK(std::find(section.notes.begin(), section.notes.end(),
                   "the recorder was running for 51 % of the 100 s from the first answer to the last, off for 49 s") !=
         section.notes.end());
+}
+
+TEST_CASE("info of a period counts its answers and its share of a gap, and says what is of the whole log") {
+  MemoryLog log = mostly_recorded();
+  commands::InfoQuery query{log.robots()};
+  query.window = {MemoryLog::micros(90.0), MemoryLog::micros(97.0)};  // 5 answers, 2 s of 5 s of the gap
+  query.zone = "Europe/Berlin";
+  const Section section = commands::info(log, query);
+  const auto cell = [&](const std::string& table_name, const std::string& column) {
+    for (const DataTable& table : section.tables) {
+      for (std::size_t c = 0; table.name == table_name && c < table.columns.size(); ++c) {
+        if (table.columns[c].name == column) {
+          return table.rows.at(0).at(c);
+        }
+      }
+    }
+    throw std::runtime_error("no such cell");
+  };
+  CHECK(std::get<std::int64_t>(cell("sources", "stored")) == 5);
+  CHECK(std::get<std::int64_t>(cell("sources", "missed")) == 2);
+  CHECK(std::holds_alternative<Missing>(cell("sources", "accounted")));
+  CHECK(std::get<Time>(cell("sources", "first")).us == MemoryLog::micros(90.0));
+  CHECK(std::get<std::int64_t>(cell("missed", "polls")) == 2);
+  CHECK(std::get<double>(cell("missed", "duration_s")) == Approx(2.0));
+  REQUIRE(section.findings.at(0).id == "DATA-01");
+  CHECK(*section.findings[0].value.value == Approx(100.0 * 5 / 7));
+  for (const Finding& finding : section.findings) {
+    CHECK(finding.title.ends_with("(whole log)") == (finding.id != "DATA-01"));
+  }
+  CHECK(section.notes.at(0).find("from 2026-01-01T01:01:30") == 0);
+  CHECK(section.notes[0].find("DATA-01 are of this period; all else is of the whole log") != std::string::npos);
+
+  query.window.to_us = MemoryLog::micros(95.5);  // half a second of the gap: rounded, as polls are whole
+  CHECK(commands::info(log, query).findings.at(0).value.n == 6);
 }

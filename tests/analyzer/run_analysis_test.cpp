@@ -111,7 +111,7 @@ TEST_CASE("info tells fields that were never there from fields that never had a 
   MemoryLog::set(row, "x", 1.0);
   MemoryLog::set_state(row, "battery_temp", State::null);
   MemoryLog::set_state(row, "block_reason", State::not_meaningful);
-  const Section section = commands::info(log, log.robots(), nullptr, {});
+  const Section section = commands::info(log, {log.robots()});
   const auto table = std::find_if(section.tables.begin(), section.tables.end(),
                                   [](const DataTable& t) { return t.name == "never_seen"; });
   REQUIRE(table != section.tables.end());
@@ -274,7 +274,7 @@ TEST_CASE("every cell is of the type that its column says") {
   };
   MemoryLog log = eventful_robot();
   std::vector<Section> sections = run_analyses(analyses(), log, {}, {}, "UTC", {});
-  sections.push_back(commands::info(log, log.robots(), nullptr, {}));
+  sections.push_back(commands::info(log, {log.robots()}));
   sections.push_back(commands::fields());
   sections.push_back(commands::settings());
   IncidentQuery query;

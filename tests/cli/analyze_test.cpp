@@ -79,18 +79,27 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("a report of a period says of every figure about the whole log that it is not of the period") {
+TEST_CASE("info of a period is the same in a report, and says of what is about the whole log that it is") {
   TempDir dir;
   const Outcome outcome = analyze({"report", two_robots(), "--from", "2026-01-01T00:01:00Z", "--to",
                                    "2026-01-01T00:02:00Z", "-o", (dir / "out").string()});
   INFO(outcome.err);
   REQUIRE(outcome.code == 0);
   const Json section = Json::parse(contents(dir / "out").at("info/info.json"))["sections"][0];
-  CHECK(section["title"].get<std::string>().find("whole log") != std::string::npos);
+  CHECK(section["notes"][0].get<std::string>().find("of the whole log") != std::string::npos);
   REQUIRE_FALSE(section["findings"].empty());
   for (const Json& finding : section["findings"]) {
     INFO(finding.dump());
-    CHECK(finding["title"].get<std::string>().ends_with("(whole log)"));
+    CHECK(finding["title"].get<std::string>().ends_with("(whole log)") == (finding["id"] != "DATA-01"));
+  }
+  const Outcome info = analyze(
+      {"info", two_robots(), "--from", "2026-01-01T00:01:00Z", "--to", "2026-01-01T00:02:00Z", "--format", "json"});
+  CHECK(info.out == contents(dir / "out").at("info/info.json"));
+  for (const Json& source : table(Json::parse(info.out), "sources")) {
+    INFO(source.dump());
+    const double period_s = source["period_s"]["value"].get<double>();
+    CHECK(source["stored"]["value"].get<double>() + source["missed"]["value"].get<double>() ==
+          Approx(60.0 / period_s).margin(1.0));
   }
   CHECK(outcome.out.find("(whole log)") != std::string::npos);
 }

@@ -220,6 +220,7 @@ TEST_CASE("a period or moment outside the log is refused with what the log cover
   TempDir dir;
   const std::string out = (dir / "out").string();
   for (const std::vector<std::string>& command : {std::vector<std::string>{"battery", log_of_three()},
+                                                  {"info", log_of_three()},
                                                   {"alarms", log_of_three()},
                                                   {"blockage", log_of_three()},
                                                   {"odometry", log_of_three()},
