@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "analyzer/commands/period.hpp"
+#include "analyzer/commands/twins.hpp"
 #include "schema/time.hpp"
 
 namespace tacho::commands {
@@ -403,6 +404,7 @@ void add_notes(Section& section, const RowSource& log, const InfoQuery& query, c
   if (query.reader != nullptr) {
     add(notes_of(query.reader->absent(), *query.reader));
   }
+  add(twin_notes(log, query.robots));
   const auto unknown = std::find_if(section.tables.begin(), section.tables.end(),
                                     [](const DataTable& table) { return table.name == "unknown_keys"; });
   const std::size_t keys = unknown == section.tables.end() ? 0 : unknown->rows.size();

@@ -1,5 +1,7 @@
 #include "samples/simulator/write.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
 #include <optional>
@@ -103,8 +105,9 @@ void LogMaker::store_session() {
 }
 
 void LogMaker::add_robot(const Scenario& scenario) {
+  const std::size_t place = robots_.size();  // robots of one host differ in their ports, as those that `serve` makes
   robots_.push_back(std::make_unique<Simulated>(scenario, options_.t0_us));
-  robots_.back()->id = writer_.robot(scenario.name, scenario.ip + ":19204:502");
+  robots_.back()->id = writer_.robot(scenario.name, fmt::format("{}:{}:{}", scenario.ip, 19204 + place, 502 + place));
   add_source(Source::status, options_.status_period_us);
   add_source(Source::io, options_.io_period_us);
   add_source(Source::registers, options_.registers_period_us);

@@ -104,6 +104,61 @@ TEST_CASE("time with the recorder off is counted in seconds, told in a note, and
         section.notes.end());
 }
 
+namespace {
+
+class NamedRobots final : public MemoryLog {
+ public:
+  explicit NamedRobots(std::vector<Robot> named) : named_(std::move(named)) {}
+  [[nodiscard]] std::vector<Robot> robots() const override { return named_; }
+
+ private:
+  std::vector<Robot> named_;
+};
+
+std::vector<std::string> notes_of_robots(std::vector<Robot> robots, std::size_t chosen) {
+  NamedRobots log(robots);
+  robots.resize(chosen);
+  std::vector<std::string> notes;
+  for (const std::string& note : commands::info(log, {robots}).notes) {
+    if (note.find("put together") != std::string::npos || note.find("one address") != std::string::npos) {
+      notes.push_back(note);
+    }
+  }
+  return notes;
+}
+
+}  // namespace
+
+TEST_CASE("robots that share identity or address are told of in a note, and stay two robots") {
+  const Robot first{1, "amr-1", "10.0.0.5:19204:502", "V7", "02AA", "m1", ""};
+  const Robot renamed{2, "tug", "10.0.0.9:19204:502", "V7", "02AA", "m1", ""};
+  const Robot changed{2, "amr-1 (2)", "10.0.0.5:19204:502", "V7", "02AA", "m2", ""};
+  const Robot silent{2, "tug", "10.0.0.5:19204:502", "", "", "", ""};
+  const Robot other{2, "amr-1 (2)", "10.0.0.5:19204:502", "V8", "02BB", "m1", ""};
+  const Robot elsewhere{2, "amr-2", "10.0.0.6:19204:502", "V7", "02BB", "m1", ""};
+  struct Case {
+    Robot second;
+    std::string words;
+  };
+  for (const Case& c :
+       {Case{renamed, "amr-1 and tug say that they are the same robot (vehicle_id V7, MAC 02AA)"},
+        Case{changed, "amr-1 and amr-1 (2) have one MAC (02AA) and differ in model_md5"},
+        Case{silent, "amr-1 and tug were found at one address (10.0.0.5:19204:502), and neither tells"},
+        Case{other, "at one address (10.0.0.5:19204:502) and differ in vehicle_id, MAC: another robot"}}) {
+    const std::vector<std::string> notes = notes_of_robots({first, c.second}, 2);
+    INFO(c.words);
+    REQUIRE(notes.size() == 1);
+    CHECK(notes[0].find(c.words) != std::string::npos);
+    CHECK(notes_of_robots({first, c.second}, 1).size() == 1);  // also when only one of the two was asked for
+  }
+  CHECK(notes_of_robots({first, elsewhere}, 2).empty());
+  Robot third = renamed;
+  third.id = 3;
+  third.name = "tug 3";
+  CHECK(notes_of_robots({first, renamed, third}, 3).size() == 2);
+  CHECK(notes_of_robots({first, renamed, third}, 0).empty());
+}
+
 TEST_CASE("info of a period counts its answers and its share of a gap, and says what is of the whole log") {
   MemoryLog log = mostly_recorded();
   commands::InfoQuery query{log.robots()};
