@@ -100,8 +100,9 @@ bool too_short(const RobotFold& fold) { return fold.usage.observed_s <= fold.con
 
 Finding deep_finding(const RobotFold& fold) {
   const Config& c = fold.config;
-  Builder b(fold, "BAT-04", "Deep discharge");
-  b.threshold(fmt::format("PASS above {:.0f} %, FAIL below {:.0f} %", c.low_soc * 100, c.deep_soc * 100),
+  Builder b(fold, "BAT-04", "Lowest state of charge");
+  b.threshold(fmt::format("PASS when it never fell below {:.0f} %, FAIL when it fell below {:.0f} % (deep discharge)",
+                          c.low_soc * 100, c.deep_soc * 100),
               {"battery.low_soc", "battery.deep_soc"});
   if (!fold.has_soc()) {
     return b.unknown(missing(fold, Item::level), how_to_get(Item::level));
@@ -122,8 +123,11 @@ Finding deep_finding(const RobotFold& fold) {
   if (!low) {
     return b.decide(Verdict::pass, 0, lowest, "");
   }
-  return b.decide(deep ? Verdict::fail : Verdict::warn, deep ? 7 : 4, lowest,
-                  "send the robot to charge earlier, or charge it in its pauses (see the table of habits)");
+  return b.decide(
+      deep ? Verdict::fail : Verdict::warn, deep ? 7 : 4, lowest,
+      fmt::format("let the robot go to the charger before it is down to {:.0f} %, or charge it in its pauses "
+                  "(table habits: missed charging)",
+                  c.low_soc * 100));
 }
 
 Finding failed_finding(const RobotFold& fold) {

@@ -55,6 +55,25 @@ constexpr const char* kRecord = "record the robot with source status at 1 Hz or 
 constexpr const char* kAskFaster = "record source status more often than now";
 constexpr const char* kDriveMore = "record more driving";
 
+/// What helps against a measure of the pose that is missing for this reason.
+const char* help_against(const std::string& reason) {
+  const bool drove_little = reason.find("driven") != std::string::npos || reason.find("stretch") != std::string::npos;
+  return drove_little ? kDriveMore : kRecord;
+}
+
+/// Stood in every row: neither speed nor counter moved.
+bool stood(const RobotResult& r) {
+  return !r.sources.empty() && r.still.runs > 0 && !(r.jumps.km > 0.0) && !(r.sources.front().counter.counted_m > 0.0);
+}
+
+/// Of a robot that stood there is nothing to say, whatever else is missing: faster polls would show it standing.
+void say_that_it_stood(Finding& f) {
+  if (f.verdict == Verdict::unknown) {
+    f.value.reason += "; the robot stood the whole time, so it cannot be known";
+    f.advice = "record the robot while it drives";
+  }
+}
+
 /// The verdict of a scale that should be 1, with its evidence left to the caller.
 void judge_scale(Finding& f, double driven_m, const Config& config, double fail, const std::string& wide) {
   if (!f.value.value) {
@@ -171,7 +190,7 @@ Finding heading_drift(const RobotResult& r) {
   }
   f.value = r.drift.turn_at_10m_deg;
   if (!f.value.value) {
-    return unknown(f, f.value.reason, kRecord);
+    return unknown(f, f.value.reason, help_against(f.value.reason));
   }
   if (static_cast<double>(f.value.n.value_or(0)) < c.drift_n_min) {
     return unknown(f, fmt::format("{} independent stretches of 10 m, {:.3g} needed", *f.value.n, c.drift_n_min),
@@ -211,7 +230,7 @@ Finding jumps(const RobotResult& r) {
   f.value = r.jumps.unexplained_per_km;
   const std::uint64_t n = r.jumps.count(JumpCause::unexplained);
   if (n == 0 && !f.value.value) {
-    return unknown(f, f.value.reason, kRecord);
+    return unknown(f, f.value.reason, help_against(f.value.reason));
   }
   if (n == 0 && r.jumps.km < c.jump_min_km) {
     return unknown(f, fmt::format("no jump, but only {:.3g} km driven", r.jumps.km), kDriveMore);
@@ -283,6 +302,11 @@ std::string RobotResult::from(std::initializer_list<std::string_view> names) con
 
 std::vector<Finding> make_findings(const RobotResult& r) {
   std::vector<Finding> all{monotonic(r), counter_speed(r), counter_path(r), heading_drift(r), jumps(r), cross(r)};
+  if (stood(r)) {
+    for (Finding* of_driving : {&all[1], &all[2], &all[3], &all[4]}) {
+      say_that_it_stood(*of_driving);
+    }
+  }
   const std::array<int, 6> when_fail{8, 6, 7, 6, 8, 6};
   for (std::size_t i = 0; i < all.size(); ++i) {
     all[i].severity = severity_of(all[i].verdict, when_fail[i]);

@@ -281,6 +281,9 @@ TEST_CASE("deep discharge and heat are found with their times") {
   const Finding low = finding(run_battery(deep), "BAT-04", "amr");
   CHECK(low.verdict == Verdict::fail);
   CHECK(*low.value.value == Approx(3.42).margin(0.05));
+  CHECK(low.title == "Lowest state of charge");  // what the value is
+  CHECK(low.threshold == "PASS when it never fell below 20 %, FAIL when it fell below 10 % (deep discharge)");
+  CHECK(low.advice.find("before it is down to 20 %") != std::string::npos);
   CHECK(low.evidence.at(0).from_us == MemoryLog::micros(7'510));
 
   GeneratedLog hot = told(3, [](double t, Told& now) { now.temp = during(t, 4'000, 4'200) ? 57 : 30; });
@@ -310,7 +313,7 @@ TEST_CASE("thresholds come from the settings and say so") {
   settings.set("battery.low_soc", 0.48, "site.toml:4");
   const Finding f = finding(run_battery(log, settings), "BAT-04", "amr");
   CHECK(f.verdict == Verdict::fail);
-  CHECK(f.threshold == "PASS above 48 %, FAIL below 45 %");
+  CHECK(f.threshold == "PASS when it never fell below 48 %, FAIL when it fell below 45 % (deep discharge)");
   CHECK(f.threshold_source == "site.toml:4, site.toml:3");
 }
 

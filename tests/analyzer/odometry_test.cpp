@@ -196,6 +196,7 @@ TEST_CASE("no jump is a PASS only where half a metre would have shown on most of
 TEST_CASE("logs that cannot answer are unknown with the reason") {
   PaperRobot robot;
   robot.hours = 0.5;
+  std::string stood;  // findings that say so
   const auto reasons = [&](const std::function<void(PaperAnswer&)>& edit, double hours = 0.5) {
     robot.hours = hours;
     PaperLog log = status_log(robot, edit);
@@ -205,6 +206,9 @@ TEST_CASE("logs that cannot answer are unknown with the reason") {
       if (f.verdict == Verdict::unknown) {
         CHECK_FALSE(f.value.reason.empty());
         all += f.id + ": " + f.value.reason + "\n";
+        const bool stands = f.value.reason.find("stood the whole time") != std::string::npos;
+        CHECK(stands == (f.advice == "record the robot while it drives"));
+        stood += stands ? f.id + " " : "";
       }
     }
     return all;
@@ -231,6 +235,7 @@ TEST_CASE("logs that cannot answer are unknown with the reason") {
     });
     CHECK(all.find("ODO-02: nothing driven") != std::string::npos);
     CHECK(all.find("ODO-03: pose noise unknown: the pose is frozen") != std::string::npos);
+    CHECK(stood == "ODO-02 ODO-03 ODO-07 LOC-02 ");
   }
   SECTION("nothing driven, a noisy pose: a standing robot does not drive") {
     const std::string all = reasons([](PaperAnswer& a) {
@@ -239,6 +244,7 @@ TEST_CASE("logs that cannot answer are unknown with the reason") {
       a.odo = 5.0;
     });
     CHECK(all.find("ODO-03: nothing driven") != std::string::npos);
+    CHECK(stood == "ODO-02 ODO-03 ODO-07 LOC-02 ");
   }
   SECTION("one snapshot") {
     const std::string all = reasons({}, 0.5 / 3600.0);
@@ -249,6 +255,7 @@ TEST_CASE("logs that cannot answer are unknown with the reason") {
     const std::string all = reasons({}, 60.0 / 3600.0);
     CHECK(all.find("ODO-02") != std::string::npos);
     CHECK(all.find("ODO-03") != std::string::npos);
+    CHECK(stood.empty());
   }
 }
 
