@@ -327,7 +327,7 @@ TEST_CASE("robot is a name in every table, and robot_id its number beside it") {
       const std::string quoted = "'" + std::string(name) + "'";
       CHECK(count(" where robot = " + quoted) == count(" where +robot = " + quoted));
       CHECK(count(" where robot = upper(" + quoted + ") collate nocase") == count(" where robot = " + quoted));
-      with_robot += count(" where robot = " + quoted) > 0 ? 1 : 0;
+      with_robot += count(" where robot = " + quoted) > 0 ? 1U : 0U;
     }
     for (const char* id : {"0", "1", "2", "7", "null"}) {
       CHECK(count(" where robot_id = " + std::string(id)) == count(" where +robot_id = " + std::string(id)));
