@@ -12,11 +12,11 @@
 namespace tacho::commands {
 
 struct InfoQuery {
-  std::vector<Robot> robots;                 ///< those asked for
+  std::vector<Robot> robots = {};            ///< those asked for
   const store::LogReader* reader = nullptr;  ///< the log's parts, null when it has none
-  Settings settings;
+  Settings settings = {};
   /// Parts, sessions, answers, missed polls and DATA-01 are those of it; what only the whole log can tell says so.
-  Window window;
+  Window window = {};
   std::string zone = "UTC";
 };
 Section info(RowSource& log, const InfoQuery& query);
